@@ -1,0 +1,222 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "genu/contact/ContactSurface.h"
+#include "genu/contact/PressureLaw.h"
+#include "genu/contact/Types.h"
+
+namespace genu::contact {
+
+// ---------------------------------------------------------------------------------------------------------------
+// Definition: what a user gives.
+// ---------------------------------------------------------------------------------------------------------------
+
+/** Thickness of the elastic layer on one body, measured once before time starts [BF2004 §2.2]. */
+struct RigidBody {};                                ///< no layer
+struct ConstantThickness { double h_m = 0; };       ///< > 0
+/** |y - planeY| of the contact surface, y along the body's own y axis (the insert's bottom: 0). */
+struct HeightAbovePlane { double planeY_m = 0; };
+enum class BackDirection {
+  closest,  ///< distance to the nearest point of the back surface
+  normal,   ///< distance along the inward contact-surface normal; where the line misses, the element has no thickness
+};
+struct BackSurface {
+  std::shared_ptr<const ContactSurface> surface;  ///< in the body's frame
+  BackDirection direction = BackDirection::normal;
+};
+struct Thickness {
+  std::variant<RigidBody, ConstantThickness, HeightAbovePlane, BackSurface> source = RigidBody{};
+  std::optional<double> min_m, max_m;  ///< clamps, applied last; a missed line stays missed unless missing_m is set
+  std::optional<double> missing_m;     ///< thickness used where the back surface is missed
+  int mapSamplesU = 65, mapSamplesV = 65;  ///< (u, v) map of a moving body, per patch
+};
+
+/** One rectangular grid of elements on the plane y = planeY of F, projected along +y onto the fixed surface. */
+struct CompartmentDefinition {
+  std::string name;
+  double x0_m = 0, x1_m = 0, z0_m = 0, z1_m = 0;
+  int nx = 30, nz = 30;
+  std::shared_ptr<const ContactSurface> fixedSurface;   ///< in F
+  std::shared_ptr<const ContactSurface> movingSurface;  ///< in M
+};
+
+enum class DistanceMethod { minimum };
+enum class Correction {
+  midsurface,  ///< d = AB / cos(theta/2), force along the bisector [BF2004 Fig. 3]
+  none,        ///< d = AB, force along AB: conservative
+};
+enum class Tracking {
+  all,                   ///< every element, every time
+  lipschitz,             ///< skip elements whose last signed distance exceeds their motion since: exact
+  breadthFirst,          ///< search from the previous active set, then the Lipschitz check on what it did not reach: exact
+  breadthFirstUnguarded  ///< the paper's search alone: can miss a new, separate contact region
+};
+
+struct ContactPairDefinition {
+  std::vector<CompartmentDefinition> compartments;
+  /** Element plane [m]; crossings at or below it are not used. Absent: the highest crossing wherever it is. */
+  std::optional<double> planeY_m;
+  Thickness fixedThickness, movingThickness;
+  Material material;
+  std::optional<Material> movingMaterial;  ///< when it differs: layers in series
+  StrainMeasure strain = StrainMeasure::small;
+  DistanceMethod distance = DistanceMethod::minimum;
+  Correction correction = Correction::midsurface;
+  Tracking tracking = Tracking::lipschitz;
+  /** A stored result is copied when no coordinate changed by more than this (rad and m); 0: only the same pose.
+   Negative: never copy. */
+  double copyTolerance = 0;
+};
+
+// ---------------------------------------------------------------------------------------------------------------
+// Results.
+// ---------------------------------------------------------------------------------------------------------------
+
+/** Worst event of an evaluation; a run decides what it tolerates. */
+enum class EvaluationStatus : std::uint8_t {
+  ok,
+  extrapolated,     ///< some element is beyond d/h = 0.95
+  fullPenetration,  ///< some element has d >= h, or its closest surface faces away: the result has no meaning
+  notConverged,     ///< some closest-point query failed
+};
+const char* toString(EvaluationStatus status);
+
+/** Net load of a set of elements. Forces are in F. The load on the fixed body is the opposite. */
+struct NetLoad {
+  Vec3 forceOnM_F = Vec3::Zero();       ///< [N]
+  Vec3 momentOnM_Fo_F = Vec3::Zero();   ///< about Fo [N m]
+  double scalarForce_N = 0;             ///< sum of p dA
+  double peakPressure_Pa = 0;
+  Vec3 peakPoint_F = Vec3::Zero();      ///< element centre of the peak [m]
+  double meanPressure_Pa = 0;           ///< sum(p dA) / sum(dA) over active elements
+  double area_m2 = 0;
+  Vec3 centerOfPressure_F = Vec3::Zero();  ///< sum(p dA A) / sum(p dA); zero without contact
+  double energy_J = 0;                  ///< elastic energy; only with withEnergy
+  double maxStrain = 0;                 ///< largest d/h
+  int activeElements = 0;
+  int extrapolatedElements = 0;
+  int fullPenetrationElements = 0;
+  int notConvergedQueries = 0;
+  int noThicknessElements = 0;  ///< would touch, but the moving body's layer is unknown there: left out
+  int boundaryElements = 0;  ///< behind the moving surface but with the foot on its border: not in contact
+
+  Vec3 forceOnF_F() const { return -forceOnM_F; }
+  Vec3 momentOnF_Fo_F() const { return -momentOnM_Fo_F; }
+};
+
+struct ContactResult {
+  EvaluationStatus status = EvaluationStatus::ok;
+  std::vector<NetLoad> compartments;  ///< in the order of the definition
+  NetLoad total;
+  int distanceQueries = 0;  ///< work done by this evaluation
+  bool copied = false;      ///< taken from the stored result
+};
+
+/** One element, for output. */
+struct ElementField {
+  int ix = 0, iz = 0;
+  Vec3 p_FA = Vec3::Zero(), normal_F = Vec3::Zero();
+  double area_m2 = 0;
+  double distance_m = 0;  ///< signed, uncorrected; lower bound when the element was skipped
+  double d_m = 0;         ///< penetration after correction, 0 when inactive
+  double h_m = 0;         ///< summed thickness
+  double p_Pa = 0;
+  Vec3 forceDirection_F = Vec3::Zero();
+  bool active = false;
+};
+
+/** What the grid construction found, per compartment. */
+struct GridReport {
+  std::string name;
+  int cells = 0;               ///< nx * nz
+  int elements = 0;            ///< cells that became elements
+  int missedSurface = 0;       ///< the cell's vertical misses the fixed surface
+  int belowPlane = 0;          ///< it meets it only at or below the element plane
+  int downwardOnly = 0;        ///< it meets only downward-facing sheets: inverted normals?
+  int missedBack = 0;          ///< no back surface along the normal
+  int clamped = 0;             ///< thickness clamped
+  double minThickness_m = 0, maxThickness_m = 0, meanThickness_m = 0;  ///< fixed layer
+  double surfaceArea_m2 = 0;
+};
+struct ThicknessMapReport {
+  int samples = 0, missed = 0, clamped = 0;
+  double min_m = 0, max_m = 0, mean_m = 0;
+};
+
+// ---------------------------------------------------------------------------------------------------------------
+// Engine.
+// ---------------------------------------------------------------------------------------------------------------
+
+class ContactPair;
+
+/** Mutable memory of one user of a ContactPair (one per thread or Simbody State owner): warm-start feet, last
+ distances, stored result. It changes what is computed, never the answer (beyond the query tolerance). */
+class ContactWorkspace {
+ public:
+  explicit ContactWorkspace(const ContactPair& pair);
+  ~ContactWorkspace();
+  ContactWorkspace(ContactWorkspace&&) noexcept;
+  ContactWorkspace& operator=(ContactWorkspace&&) noexcept;
+  /** Forgets everything: the next evaluation is cold. */
+  void reset();
+
+ private:
+  friend class ContactPair;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/** The contact of one moving surface set with one fixed surface set: immutable after construction, thread-safe with
+ one workspace per thread. evaluate() allocates nothing. Equations: docs/theory.md.
+   raw distance AB: closest point B on M's surface from the element centre A on F's surface
+   theta: angle between F's outward normal n at A and u, the direction of AB turned into M (u = -outward normal of M)
+   d = AB / cos(theta/2), m = (n + u)/|n + u|, force on M: p(d, h) dA m at A, dA = dx dz / n_y
+ Infinitely thin, frictionless, valid while the moving surface faces the element (cos theta > 0). */
+class ContactPair {
+ public:
+  /** Builds grids and thickness maps.
+   @throws std::invalid_argument naming the compartment or quantity, its value and what is allowed: empty rectangle, no
+   element at all, inverted normals (only downward crossings), no thickness, negative height above the plane, bad
+   material */
+  explicit ContactPair(ContactPairDefinition definition);
+  ~ContactPair();
+  ContactPair(ContactPair&&) noexcept;
+
+  const ContactPairDefinition& definition() const;
+  int numCompartments() const;
+  int numElements() const;
+  const std::vector<GridReport>& gridReports() const;
+  const std::vector<ThicknessMapReport>& thicknessMapReports() const;  ///< one per moving surface that has a map
+
+  struct Options {
+    bool withEnergy = false;
+  };
+  /** Net loads at pose q. `result` is filled in place (its vectors keep their memory). */
+  void evaluate(const JointCoordinates& q, ContactWorkspace& workspace, const Options& options,
+                ContactResult& result) const;
+  void evaluate(const Pose& X_FM, ContactWorkspace& workspace, const Options& options, ContactResult& result) const;
+  /** Convenience: cold, allocates. */
+  ContactResult evaluate(const JointCoordinates& q, const Options& options = {true}) const;
+
+  /** Per-element values of the last evaluation held by `workspace`, one vector per compartment (elements only). */
+  std::vector<std::vector<ElementField>> calcFields(const ContactWorkspace& workspace) const;
+
+  /** Power of the contact force on M relative to F [W]: P = f . v(Fo) + m_Fo . w; p_FMo is the position of Mo in F. */
+  static double calcPower(const NetLoad& load, const SpatialVelocity& V_FM, const Vec3& p_FMo);
+
+ private:
+  friend class ContactWorkspace;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/** Smallest rectangle [x0, x1, z0, z1] that contains the upward-facing part of the fixed surface. */
+std::array<double, 4> findRectangle(const ContactSurface& fixedSurface);
+
+}  // namespace genu::contact

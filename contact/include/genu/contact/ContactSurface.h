@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "genu/contact/NurbsPatch.h"
+
+namespace genu::contact {
+
+/** How a closest-point query ended. */
+enum class QueryStatus : std::uint8_t {
+  converged,     ///< foot inside the surface: the distance is along the surface normal
+  onBoundary,    ///< foot on the open border: the surface has no material beyond it, there is no contact
+  notConverged,  ///< the residual stayed above the tolerance; the distance is an upper bound
+};
+
+/** Place on a surface: patch index and parameters. */
+struct SurfaceParameter {
+  int patch = -1;
+  double u = 0, v = 0;
+};
+
+struct ClosestPoint {
+  SurfaceParameter at;
+  Vec3 p_MB = Vec3::Zero();       ///< foot point B, in the surface's frame [m]
+  Vec3 normal_M = Vec3::Zero();   ///< unit outward normal at B
+  double distance_m = 0;          ///< > 0 outside, < 0 inside the solid
+  double residual_m = 0;          ///< largest tangential component of B - Q along S_u, S_v
+  QueryStatus status = QueryStatus::notConverged;
+  int iterations = 0;
+};
+
+/** A hit of a straight line. */
+struct LineHit {
+  double t_m = 0;  ///< distance along the unit direction, any sign
+  SurfaceParameter at;
+  Vec3 point = Vec3::Zero();
+  Vec3 normal = Vec3::Zero();  ///< unit outward
+};
+
+/** One or more patches of one body, in one frame, with the search structures for distance queries.
+
+ Closest point: min over (u,v) of |S(u,v) - Q|, by Newton with second derivatives, safeguarded by step limits and
+ descent, inside the domain box (closed directions wrap), from
+   - a seed (warm start): the local minimum at the seed, accepted only where it is provably the global one, i.e. when
+     |distance| < safeDistanceInside()/Outside(); otherwise the global search decides;
+   - nothing (cold start): best-first search over a hierarchy of boxes around sub-patches.
+ @post if status == converged: |(B-Q).S_u| <= tol |S_u| and the same for v (poles: along the limit directions).
+ Immutable and thread-safe. Queries allocate nothing. */
+class ContactSurface {
+ public:
+  static constexpr double kDefaultTolerance_m = 1e-13;  // 1e-10 mm
+
+  /** @throws std::invalid_argument when there is no patch */
+  explicit ContactSurface(std::vector<NurbsPatch> patches);
+  ~ContactSurface();
+  ContactSurface(ContactSurface&&) noexcept;
+  ContactSurface& operator=(ContactSurface&&) noexcept;
+
+  int numPatches() const { return static_cast<int>(patches_.size()); }
+  const NurbsPatch& patch(int i) const { return patches_[static_cast<size_t>(i)]; }
+
+  ClosestPoint findClosestPoint(const Vec3& p_MQ, const SurfaceParameter* seed = nullptr) const;
+  /** Newton from the seed only: the local minimum, no global check. */
+  ClosestPoint findLocalClosestPoint(const Vec3& p_MQ, const SurfaceParameter& seed) const;
+
+  /** All crossings of the line origin + t direction (unit vector), t in [tMin, tMax], sorted by t; tangential grazes
+   may be missed. Appends to `hits` after clearing it. */
+  void findLineHits(const Vec3& origin, const Vec3& direction, double tMin_m, double tMax_m,
+                    std::vector<LineHit>& hits) const;
+
+  /** Radius within which the foot is unique, half of the sampled smallest medial-ball radius: inside the solid, and
+   outside (infinite for a convex body). */
+  double safeDistanceInside_m() const { return safeInside_m_; }
+  double safeDistanceOutside_m() const { return safeOutside_m_; }
+
+  Eigen::AlignedBox3d boundingBox() const { return box_; }
+
+ private:
+  struct Search;
+  std::vector<NurbsPatch> patches_;
+  std::unique_ptr<Search> search_;
+  double safeInside_m_ = 0, safeOutside_m_ = 0;
+  Eigen::AlignedBox3d box_;
+};
+
+}  // namespace genu::contact

@@ -1,0 +1,1 @@
+typedef int genu_placeholder;
