@@ -136,7 +136,7 @@ PatchInfo makeInfo(const NurbsPatch& patch) {
 }
 
 /** Newton on f = |S - Q|^2 / 2 in steps measured along the surface: unknowns (alpha, beta) = (|S_u| du, |S_v| dv), so that
- a pole, where |S_u| -> 0, keeps a well-scaled system. Falls back to Gauss-Newton where the Hessian is not positive
+ a pole, where |S_u| -> 0, keeps a well-scaled system. Turns negative curvature around where the Hessian is not positive
  definite, halves steps that do not descend, and works on the faces of the domain box. */
 ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patchIndex, const Vec3& Q, double u, double v) {
   const Domain &du = info.u, &dv = info.v;
@@ -206,20 +206,28 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
       break;
     }
     const double hu = r.dot(d.Su) / mu, hv = r.dot(d.Sv) / mv;
-    const double guu = 1.0, gvv = 1.0, guv = d.Su.dot(d.Sv) / (mu * mv);
-    double a = guu + r.dot(d.Suu) / (mu * mu), b = guv + r.dot(d.Suv) / (mu * mv), c = gvv + r.dot(d.Svv) / (mv * mv);
-    if (!(a > 1e-6) || !(c > 1e-6) || !(a * c - b * b > 1e-6 * a * c)) {
-      a = guu;
-      b = guv;
-      c = gvv;
-      if (!(a * c - b * b > 1e-12)) b = 0;  // parallel tangents
-    }
+    const double guv = d.Su.dot(d.Sv) / (mu * mv);
+    double a = 1 + r.dot(d.Suu) / (mu * mu), b = guv + r.dot(d.Suv) / (mu * mv), c = 1 + r.dot(d.Svv) / (mv * mv);
     double alpha = 0, beta = 0;
-    if (fixU) {
-      beta = -hv / c;
-    } else if (fixV) {
-      alpha = -hu / a;
+    if (fixU || fixV) {
+      // One direction is left; a negative curvature is turned around so that the step descends.
+      c = std::max(std::abs(c), 1e-3);
+      a = std::max(std::abs(a), 1e-3);
+      if (fixU) {
+        beta = -hv / c;
+      } else {
+        alpha = -hu / a;
+      }
     } else {
+      if (!(a > 0) || !(a * c - b * b > 1e-6 * a * c)) {
+        // Not convex here (past a center of curvature): take the eigenvalues' absolute values.
+        const double mean = 0.5 * (a + c), half = 0.5 * (a - c), root = std::hypot(half, b);
+        const double l1 = std::max(std::abs(mean + root), 1e-3), l2 = std::max(std::abs(mean - root), 1e-3);
+        const double cos2 = root > 0 ? half / root : 1, sin2 = root > 0 ? b / root : 0;
+        a = 0.5 * (l1 + l2) + 0.5 * (l1 - l2) * cos2;
+        c = 0.5 * (l1 + l2) - 0.5 * (l1 - l2) * cos2;
+        b = 0.5 * (l1 - l2) * sin2;
+      }
       const double det = a * c - b * b;
       alpha = (-c * hu + b * hv) / det;
       beta = (-a * hv + b * hu) / det;
@@ -280,10 +288,19 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
   const double length = n.norm();
   result.normal_M = length > 0 ? Vec3(n * (patch.normalSign() / length)) : patch.calcNormal(u, v);
   const double along = -r.dot(result.normal_M);
+  const double lu = d.Su.norm(), lv = d.Sv.norm(), distance = r.norm();
+  const bool nearPole = std::min(lu, lv) < 1e-5 * std::max(lu, lv);
+  // At a pole (u, v) resolve the foot to a hair only; the distance errs by the square of that.
+  if (nearPole && result.status == QueryStatus::notConverged && result.residual_m <= 1e-10 * info.size) {
+    result.status = QueryStatus::converged;
+  }
+  // There one tangent drowns in rounding; the connecting line itself is then the better normal.
+  if (nearPole && result.status == QueryStatus::converged && distance > 1e-5 * info.size) {
+    result.normal_M = r * (along < 0 ? 1 : -1) / distance;
+  }
   if (result.status == QueryStatus::converged) {
-    result.distance_m = along;
+    result.distance_m = -r.dot(result.normal_M);
   } else {
-    const double distance = r.norm();
     result.distance_m = along >= 0 ? distance : -distance;
   }
   return result;
@@ -292,6 +309,7 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
 /** Smaller |distance| wins; on a tie an inner foot beats a border foot. */
 bool isBetter(const ClosestPoint& a, const ClosestPoint& b) {
   const double da = std::abs(a.distance_m), db = std::abs(b.distance_m);
+  if (std::isinf(db)) return true;
   if (std::abs(da - db) > 1e-12 * (da + db) + 1e-15) return da < db;
   return a.status == QueryStatus::converged && b.status != QueryStatus::converged;
 }
