@@ -30,7 +30,11 @@ function(genu_add_library name)
     $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_link_libraries(genu_${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
   genu_configure_target(genu_${name})
-  install(TARGETS genu_${name} EXPORT GenuTargets
+  set(export GenuModelTargets)
+  if(name STREQUAL contact)
+    set(export GenuContactTargets)
+  endif()
+  install(TARGETS genu_${name} EXPORT ${export}
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
 endfunction()
 
