@@ -1,0 +1,62 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "Console.h"
+#include "genu/contact/Types.h"
+#include "genu/scene/Scene.h"
+#include "genu/scene/SceneFile.h"
+
+namespace genu::app {
+
+/** Options that several commands share. */
+struct CommonOptions {
+  ConsoleOptions console;
+  std::filesystem::path dataFolder;  ///< --data, or the environment's GENU_DATA_DIR
+  std::vector<std::string> commandLine;
+};
+
+struct RunOptions {
+  std::filesystem::path scene;   ///< or the results folder of a replay
+  std::filesystem::path output;  ///< empty: chosen from the scene's name
+  std::string grid;              ///< "NXxNZ" or empty
+  std::filesystem::path reference;
+  std::string side = "right";
+  bool noMaps = false, noPlots = false, keepFailed = false;
+};
+
+struct ContactOptions {
+  std::filesystem::path scene;
+  std::string pose, grid;
+  std::filesystem::path field;
+  bool json = false;
+};
+
+// Each returns an exit code or throws InputError or ComputationError.
+int runStaticCommand(const RunOptions& options, const CommonOptions& common);
+int runGaitCommand(const RunOptions& options, const CommonOptions& common);
+int runReplayCommand(const RunOptions& options, const CommonOptions& common);
+int runContactCommand(const ContactOptions& options, const CommonOptions& common);
+int runCheckCommand(const std::filesystem::path& scene, const CommonOptions& common);
+int runExplainCommand(const std::filesystem::path& scene, const CommonOptions& common);
+
+/** Pose of each contact pair's moving body in its fixed body, as a function of the joint's coordinates; reads the URDF
+ only when a pair names links. */
+class PairPoses {
+ public:
+  explicit PairPoses(const scene::Scene& scene);
+  ~PairPoses();
+  contact::Pose calcPose(const contact::JointCoordinates& q, size_t pair) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+scene::ReadOptions makeReadOptions(const CommonOptions& common, const std::string& grid, bool requireModel);
+
+}  // namespace genu::app

@@ -1,0 +1,135 @@
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "Commands.h"
+#include "genu/contact/ContactPair.h"
+#include "genu/model/UrdfModel.h"
+#include "genu/report/ContactReport.h"
+#include "genu/report/ElementMesh.h"
+#include "genu/report/Vtk.h"
+
+namespace genu::app {
+namespace fs = std::filesystem;
+using contact::EvaluationStatus;
+
+struct PairPoses::Impl {
+  std::vector<model::ContactFrames> frames;  // empty: every pair is the joint's
+};
+
+PairPoses::PairPoses(const scene::Scene& scene) : impl_(std::make_unique<Impl>()) {
+  bool named = false;
+  for (const auto& pair : scene.contacts) named = named || !pair.fixedBody.empty() || !pair.movingBody.empty();
+  if (!scene.model || !named) return;
+  const model::UrdfModel urdf = model::readUrdf(scene.model->urdf, scene.model->joint);
+  for (const auto& pair : scene.contacts) impl_->frames.push_back(model::findContactFrames(urdf, pair));
+}
+
+PairPoses::~PairPoses() = default;
+
+contact::Pose PairPoses::calcPose(const contact::JointCoordinates& q, size_t pair) const {
+  return impl_->frames.empty() ? contact::calcPose(q) : impl_->frames[pair].calcPose(q);
+}
+
+namespace {
+
+enum class FieldFormat { vtp, csv };
+
+FieldFormat chooseFormat(const fs::path& file) {
+  const std::string extension = file.extension().string();
+  if (extension == ".vtp") return FieldFormat::vtp;
+  if (extension == ".csv") return FieldFormat::csv;
+  throw InputError(fmt::format("--field \"{}\": unknown extension \"{}\"; allowed: .vtp, .csv", file.string(), extension));
+}
+
+void checkFieldFolder(const fs::path& file) {
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  if (!fs::is_directory(folder)) {
+    throw InputError(fmt::format("--field \"{}\": there is no folder \"{}\"", file.string(), folder.string()));
+  }
+}
+
+/** To four decimals, and never "-0.0000". */
+contact::Vec3 roundForPrint(const contact::Vec3& v) {
+  return v.unaryExpr([](double value) { return std::round(value * 1e4) / 1e4 + 0.0; });
+}
+
+}  // namespace
+
+int runContactCommand(const ContactOptions& options, const CommonOptions& common) {
+  installInterruptHandler(true);
+  const contact::JointCoordinates q = scene::parsePose(options.pose, "--pose");
+  std::optional<FieldFormat> format;
+  if (!options.field.empty()) {
+    format = chooseFormat(options.field);
+    checkFieldFolder(options.field);
+  }
+  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, false));
+  ProgressMeter meter("contact", common.console);
+  const auto pairs = scene::makeContactPairs(scene);
+  const PairPoses poses(scene);
+
+  std::vector<contact::ContactResult> results(pairs.size());
+  std::vector<contact::ContactWorkspace> workspaces;
+  for (size_t p = 0; p < pairs.size(); ++p) {
+    workspaces.emplace_back(*pairs[p]);
+    pairs[p]->evaluate(poses.calcPose(q, p), workspaces[p], {true}, results[p]);
+  }
+  const EvaluationStatus status = report::worstStatus(results);
+  const bool hasNumbers = report::hasNumbers(status);
+  if (format && hasNumbers) {
+    for (size_t p = 0; p < pairs.size(); ++p) {
+      fs::path file = options.field;
+      if (pairs.size() > 1) {
+        file.replace_filename(file.stem().string() + "_" + scene.contacts[p].name + file.extension().string());
+      }
+      const auto fields = pairs[p]->calcFields(workspaces[p]);
+      const HoldExit hold;
+      if (*format == FieldFormat::csv) {
+        report::writeElementCsv(file, pairs[p]->definition(), fields);
+      } else {
+        report::writeVtp(file, report::makeElementMesh(pairs[p]->definition(), fields, report::Precision::full));
+      }
+      spdlog::info("wrote {}", file.string());
+    }
+  }
+  meter.finish();
+
+  const std::string text = report::describeStatus(scene, results);
+  if (options.json) {
+    nlohmann::ordered_json json = report::toJson(scene, results);
+    nlohmann::ordered_json grid;
+    const auto names = report::listCompartmentNames(scene);
+    size_t row = 0;
+    for (const auto& pair : pairs) {
+      for (const auto& g : pair->gridReports()) {
+        grid[names[row++]] = {{"cells", g.cells},
+                              {"elements", g.elements},
+                              {"missed_surface", g.missedSurface},
+                              {"below_plane", g.belowPlane},
+                              {"missed_back", g.missedBack}};
+      }
+    }
+    if (hasNumbers) json["grid"] = grid;
+    fmt::print("{}\n", json.dump(2));
+  } else if (hasNumbers) {
+    fmt::print("{} at pose {}\nstatus: {}, {}\n\n{}", scene.name, options.pose, contact::toString(status), text,
+               report::formatTable(scene, results));
+    for (const auto& [name, load] : report::listLoads(scene, results)) {
+      const contact::Vec3 f = roundForPrint(load.forceOnM_F), cop = roundForPrint(load.centerOfPressure_F * 1e3);
+      fmt::print("{}: force on the moving body ({:.4f}, {:.4f}, {:.4f}) N", name, f.x(), f.y(), f.z());
+      if (load.activeElements > 0) fmt::print(", center of pressure ({:.4f}, {:.4f}, {:.4f}) mm", cop.x(), cop.y(), cop.z());
+      fmt::print(", energy {:.4g} J\n", load.energy_J);
+    }
+  }
+  if (!hasNumbers) {
+    spdlog::error("{}: {}", scene.file.string(), text);
+    return kComputationFailed;
+  }
+  if (status == EvaluationStatus::extrapolated) spdlog::warn("{}: {}", scene.file.string(), text);
+  return kOk;
+}
+
+}  // namespace genu::app

@@ -1,0 +1,296 @@
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "Commands.h"
+#include "genu/contact/ContactPair.h"
+#include "genu/io/Suggest.h"
+#include "genu/io/Units.h"
+#include "genu/model/Analysis.h"
+#include "genu/model/KneeSystem.h"
+#include "genu/model/UrdfModel.h"
+#include "genu/report/ContactReport.h"
+
+namespace genu::app {
+namespace fs = std::filesystem;
+using scene::kCoordinateNames;
+using scene::Scene;
+
+namespace {
+
+struct Built {
+  Scene scene;
+  std::vector<std::shared_ptr<const contact::ContactPair>> pairs;
+};
+
+/** Everything a run builds before it starts, so that whatever a run would refuse is refused here. */
+Built build(const fs::path& file, const CommonOptions& common) {
+  Built built;
+  built.scene = scene::readScene(file, makeReadOptions(common, {}, false));
+  built.pairs = scene::makeContactPairs(built.scene);
+  return built;
+}
+
+std::string describe(const scene::TimeFunction& function, const std::string& unit) {
+  if (const auto* value = std::get_if<double>(&function)) return io::formatQuantity(*value, unit);
+  const auto& series = std::get<scene::TimeSeries>(function);
+  const auto [low, high] = std::minmax_element(series.value.begin(), series.value.end());
+  return fmt::format("table {}: {} to {}, {:g} to {:g} s, {} rows", series.source, io::formatQuantity(*low, unit),
+                     io::formatQuantity(*high, unit), series.time_s.front(), series.time_s.back(), series.time_s.size());
+}
+
+std::string describe(const contact::Thickness& thickness) {
+  std::string text = std::visit(
+      [](const auto& source) -> std::string {
+        using T = std::decay_t<decltype(source)>;
+        if constexpr (std::is_same_v<T, contact::RigidBody>) {
+          return "none: rigid";
+        } else if constexpr (std::is_same_v<T, contact::ConstantThickness>) {
+          return "constant, " + io::formatQuantity(source.h_m, "mm");
+        } else if constexpr (std::is_same_v<T, contact::HeightAbovePlane>) {
+          return "height above the plane y = " + io::formatQuantity(source.planeY_m, "mm");
+        } else {
+          return source.direction == contact::BackDirection::normal ? "back surface along the normal"
+                                                                    : "back surface, closest point";
+        }
+      },
+      thickness.source);
+  if (thickness.min_m) text += ", at least " + io::formatQuantity(*thickness.min_m, "mm");
+  if (thickness.max_m) text += ", at most " + io::formatQuantity(*thickness.max_m, "mm");
+  if (thickness.missing_m) text += ", " + io::formatQuantity(*thickness.missing_m, "mm") + " where the back is missed";
+  return text;
+}
+
+std::string describe(const contact::Material& m) {
+  if (m.law == contact::MaterialLaw::linear) return fmt::format("linear, E = {}, nu = {:g}", io::formatQuantity(m.E_Pa, "MPa"), m.nu);
+  return fmt::format("{}, eps0 = {:g}, p0 = {}, n = {:g}, nu = {:g}",
+                     m.law == contact::MaterialLaw::powerLaw ? "power-law" : "power-law-consistent", m.eps0,
+                     io::formatQuantity(m.p0_Pa, "MPa"), m.n, m.nu);
+}
+
+const char* describe(contact::Tracking tracking) {
+  switch (tracking) {
+    case contact::Tracking::all: return "every element at every evaluation";
+    case contact::Tracking::lipschitz: return "elements that cannot touch yet are skipped (exact)";
+    case contact::Tracking::breadthFirst: return "breadth-first search from the last active set, then the rest checked (exact)";
+    case contact::Tracking::breadthFirstUnguarded: return "breadth-first search only: can miss a new, separate region";
+  }
+  return "";
+}
+
+bool isRigid(const contact::Thickness& t) { return std::holds_alternative<contact::RigidBody>(t.source); }
+bool needsMap(const contact::Thickness& t) { return std::holds_alternative<contact::BackSurface>(t.source); }
+
+void explainModel(const Scene& scene) {
+  if (!scene.model) return;
+  const scene::ModelSpec& model = *scene.model;
+  const model::UrdfModel urdf = model::readUrdf(model.urdf, model.joint);
+  fmt::print("\nModel: {}\n", model.urdf.string());
+  for (size_t i = 0; i < urdf.links.size(); ++i) {
+    const auto& link = urdf.links[i];
+    const char* role = static_cast<int>(i) == urdf.floatingChild      ? ", moving body M"
+                       : static_cast<int>(i) == urdf.floatingParent() ? ", fixed body F"
+                                                                      : "";
+    const std::string mass = link.inertia ? io::formatQuantity(link.inertia->mass_kg, "kg") : "no mass given";
+    const std::string joint = !link.joint ? "welded to ground"
+                              : link.joint->type == model::JointType::floating
+                                  ? fmt::format("joint {}: six coordinates", link.joint->name)
+                                  : fmt::format("joint {}: fixed", link.joint->name);
+    fmt::print("  link {:<20} {}, {}{}\n", link.name, mass, joint, role);
+  }
+  fmt::print("Coordinates of joint {}:\n", model.joint);
+  for (size_t i = 0; i < 6; ++i) {
+    const std::string unit = i < 3 ? "deg" : "mm";
+    if (const auto* prescribed = std::get_if<scene::PrescribedCoordinate>(&model.coordinates[i])) {
+      fmt::print("  {:<2} prescribed, {}\n", kCoordinateNames[i], describe(prescribed->motion, unit));
+      continue;
+    }
+    const auto& free = std::get<scene::FreeCoordinate>(model.coordinates[i]);
+    const std::string start = free.start ? "starts at " + io::formatQuantity(*free.start, unit)
+                              : i == 4   ? std::string("starts where the surfaces touch")
+                                         : "starts at 0 " + unit;
+    const std::string damping = free.damping > 0 ? fmt::format(", damping {:g} {}", free.damping, i < 3 ? "N m s/rad" : "N s/m") : "";
+    fmt::print("  {:<2} free, {}{}\n", kCoordinateNames[i], start, damping);
+  }
+  if (!scene.loads.empty()) fmt::print("Loads:\n");
+  for (const auto& load : scene.loads) {
+    fmt::print("  {}: on {}, axes of {}, at ({}, {}, {}) in {}\n", load.name, load.body, load.frame,
+               io::formatQuantity(load.point_m[0], "mm"), io::formatQuantity(load.point_m[1], "mm"),
+               io::formatQuantity(load.point_m[2], "mm"), load.pointBody);
+    for (size_t axis = 0; axis < 3; ++axis) {
+      const auto* constant = std::get_if<double>(&load.force_N[axis]);
+      if (constant == nullptr || *constant != 0) fmt::print("    {}: {}\n", "xyz"[axis], describe(load.force_N[axis], "N"));
+    }
+  }
+  for (const auto& load : scene.generalizedLoads) {
+    fmt::print("  {}: on coordinate {}, {}\n", load.name, kCoordinateNames[static_cast<size_t>(load.coordinate)],
+               describe(load.value, load.coordinate < 3 ? "N m" : "N"));
+  }
+}
+
+void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& spec) {
+  const contact::ContactPairDefinition& d = pair.definition();
+  fmt::print("\nContact {}: {} on {}\n", spec.name, spec.movingBody.empty() ? "moving body M" : spec.movingBody,
+             spec.fixedBody.empty() ? "fixed body F" : spec.fixedBody);
+  for (size_t c = 0; c < d.compartments.size(); ++c) {
+    const auto& compartment = d.compartments[c];
+    const auto& grid = pair.gridReports()[c];
+    fmt::print("  {}: {} x {} cells over x {:g} to {:g} mm, z {:g} to {:g} mm\n", compartment.name, compartment.nx, compartment.nz,
+               compartment.x0_m * 1e3, compartment.x1_m * 1e3, compartment.z0_m * 1e3, compartment.z1_m * 1e3);
+    fmt::print("    {} elements, {:.1f} mm^2", grid.elements, grid.surfaceArea_m2 * 1e6);
+    if (grid.missedSurface > 0) fmt::print("; {} cells miss the surface", grid.missedSurface);
+    if (grid.belowPlane > 0) fmt::print("; {} below the element plane", grid.belowPlane);
+    if (grid.missedBack > 0) fmt::print("; {} miss the back surface", grid.missedBack);
+    if (grid.clamped > 0) fmt::print("; {} with clamped thickness", grid.clamped);
+    fmt::print("\n");
+    if (!isRigid(d.fixedThickness)) {
+      fmt::print("    fixed layer {:.3f} to {:.3f} mm, mean {:.3f} mm\n", grid.minThickness_m * 1e3, grid.maxThickness_m * 1e3,
+                 grid.meanThickness_m * 1e3);
+    }
+  }
+  fmt::print("  fixed layer:  {}\n  moving layer: {}\n", describe(d.fixedThickness), describe(d.movingThickness));
+  for (const auto& map : pair.thicknessMapReports()) {
+    fmt::print("  thickness map: {} samples, {} missed, {} clamped, {:.3f} to {:.3f} mm\n", map.samples, map.missed, map.clamped,
+               map.min_m * 1e3, map.max_m * 1e3);
+  }
+  fmt::print("  material: {}\n", describe(d.material));
+  if (d.movingMaterial) fmt::print("  material of the moving layer: {}, in series\n", describe(*d.movingMaterial));
+  fmt::print("  strain: {}\n  distance: minimum, {}\n", d.strain == contact::StrainMeasure::small ? "small" : "large",
+             d.correction == contact::Correction::midsurface ? "midsurface correction" : "not corrected");
+  fmt::print("  tracking: {}\n", describe(d.tracking));
+  if (d.copyTolerance >= 0) fmt::print("  a stored result is copied when no coordinate moved by more than {:g}\n", d.copyTolerance);
+}
+
+void explainAnalyses(const Scene& scene) {
+  if (!scene.model) {
+    fmt::print("\nAnalyses: `genu contact` only (no model)\n");
+    return;
+  }
+  const scene::StaticSpec s = scene.staticAnalysis.value_or(scene::StaticSpec{});
+  const char* method = s.method == scene::StaticSpec::Method::newton          ? "Newton"
+                       : s.method == scene::StaticSpec::Method::implicitEuler ? "implicit Euler with damping"
+                                                                              : "Newton and implicit Euler, compared";
+  fmt::print("\nAnalyses:\n  static{}: {}, at t = {:g} s\n", scene.staticAnalysis ? "" : " (defaults)", method, s.time_s);
+  if (scene.gait) {
+    fmt::print("  gait: {:g} s, output every {:g} s, integrator {}, accuracy {:g}{}\n", scene.gait->duration_s,
+               scene.gait->outputInterval_s, scene.gait->integrator, scene.gait->accuracy,
+               scene.gait->settleFirst ? ", settled first" : "");
+  }
+}
+
+void explainLeftOut(const Built& built) {
+  const Scene& scene = built.scene;
+  std::vector<std::string> left;
+  const auto all = [&](auto&& test) {
+    return std::all_of(scene.contacts.begin(), scene.contacts.end(), [&](const auto& pair) { return test(pair.definition); });
+  };
+  using Definition = contact::ContactPairDefinition;
+  if (all([](const Definition& d) { return !needsMap(d.movingThickness); })) {
+    left.emplace_back("thickness map of the moving body: its layer comes from no back surface");
+  }
+  if (all([](const Definition& d) { return isRigid(d.movingThickness) || isRigid(d.fixedThickness); })) {
+    left.emplace_back("sum of two layers: one body is rigid");
+  }
+  if (all([](const Definition& d) { return !d.movingMaterial; })) left.emplace_back("layers in series: one material");
+  if (all([](const Definition& d) { return d.material.law == contact::MaterialLaw::linear && !d.movingMaterial; })) {
+    left.emplace_back("root finding for the pressure: the law is linear");
+  }
+  if (all([](const Definition& d) { return d.correction == contact::Correction::none; })) {
+    left.emplace_back("midsurface correction: switched off");
+  }
+  if (all([](const Definition& d) { return d.tracking == contact::Tracking::lipschitz || d.tracking == contact::Tracking::all; })) {
+    left.emplace_back("breadth-first search: the tracking method does not use it");
+  }
+  if (all([](const Definition& d) { return d.copyTolerance < 0; })) left.emplace_back("copying of stored results: switched off");
+  left.emplace_back("contact energy and fields of single elements: computed for outputs only, not while integrating");
+  if (!scene.model) {
+    left.emplace_back("bodies, joint, loads and time integration: the scene has no model");
+  } else {
+    const auto& m = *scene.model;
+    if (std::all_of(m.gravity_mPerS2.begin(), m.gravity_mPerS2.end(), [](double g) { return g == 0; })) {
+      left.emplace_back("gravity: zero");
+    }
+    bool damped = false, prescribed = false;
+    for (const auto& coordinate : m.coordinates) {
+      const auto* free = std::get_if<scene::FreeCoordinate>(&coordinate);
+      damped = damped || (free != nullptr && free->damping > 0);
+      prescribed = prescribed || free == nullptr;
+    }
+    if (!damped) left.emplace_back("damping of the coordinates: none given");
+    if (!prescribed) left.emplace_back("constraints: no coordinate is prescribed");
+    if (scene.loads.empty()) left.emplace_back("loads at points: none given");
+    if (scene.generalizedLoads.empty()) left.emplace_back("loads on coordinates: none given");
+    if (!scene.gait) left.emplace_back("time integration: no gait analysis");
+  }
+  if (!scene.output.maps) left.emplace_back("pressure maps: switched off");
+  if (!scene.output.plots) left.emplace_back("plots: switched off");
+  for (const auto& name : scene.unused) left.push_back(name + ": defined, used by nothing");
+  fmt::print("\nLeft out, because nothing here needs it:\n");
+  for (const auto& line : left) fmt::print("  {}\n", line);
+}
+
+}  // namespace
+
+int runCheckCommand(const fs::path& file, const CommonOptions& common) {
+  installInterruptHandler(true);
+  ProgressMeter meter("check", common.console);
+  const Built built = build(file, common);
+  const Scene& scene = built.scene;
+  if (scene.model) {
+    const model::KneeSystem knee(scene, built.pairs);
+    const double staticTime = scene.staticAnalysis ? scene.staticAnalysis->time_s : 0;
+    if (scene.staticAnalysis) knee.checkTablesCover(staticTime, staticTime);
+    if (scene.gait) {
+      knee.checkTablesCover(0, scene.gait->duration_s);
+      const auto names = model::integratorNames();
+      if (std::find(names.begin(), names.end(), scene.gait->integrator) == names.end()) {
+        throw InputError(scene.where("analysis.gait.integrator") + ": " +
+                         io::describeUnknown("integrator", scene.gait->integrator, names));
+      }
+    }
+  }
+  meter.finish();
+  size_t row = 0;
+  const auto names = report::listCompartmentNames(scene);
+  for (const auto& pair : built.pairs) {
+    for (const auto& grid : pair->gridReports()) {
+      const std::string& name = names[row++];
+      const int lost = grid.missedSurface + grid.belowPlane + grid.downwardOnly + grid.missedBack;
+      if (grid.downwardOnly > 0) {
+        spdlog::warn("{}: {} of {} cells meet the surface only from behind", name, grid.downwardOnly, grid.cells);
+      }
+      if (2 * lost > grid.cells) {
+        spdlog::warn("{}: only {} of {} cells became elements ({} miss the surface, {} miss the back surface)", name,
+                     grid.elements, grid.cells, grid.missedSurface, grid.missedBack);
+      }
+    }
+  }
+  for (const auto& name : scene.unused) spdlog::warn("{}: defined, used by nothing", scene.where(name));
+  std::string analyses = "contact";
+  if (scene.model) analyses += scene.gait ? ", static, gait" : ", static";
+  fmt::print("{}: no errors; ready for: {}\n", file.string(), analyses);
+  return kOk;
+}
+
+int runExplainCommand(const fs::path& file, const CommonOptions& common) {
+  installInterruptHandler(true);
+  ProgressMeter meter("explain", common.console);
+  const Built built = build(file, common);
+  meter.finish();
+  fmt::print("Scene: {} ({})\n", built.scene.name, file.string());
+  explainModel(built.scene);
+  if (!built.scene.surfaces.empty()) fmt::print("\nSurfaces:\n");
+  for (const auto& surface : built.scene.surfaces) {
+    if (surface.usedBy.empty()) continue;
+    fmt::print("  {}: {}, {} patch{}, {} control points; {}\n", surface.name, surface.kind, surface.patches,
+               surface.patches == 1 ? "" : "es", surface.controlPoints, io::joinNames(surface.usedBy));
+  }
+  for (size_t p = 0; p < built.pairs.size(); ++p) explainContact(*built.pairs[p], built.scene.contacts[p]);
+  explainAnalyses(built.scene);
+  explainLeftOut(built);
+  return kOk;
+}
+
+}  // namespace genu::app

@@ -1,0 +1,180 @@
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "Commands.h"
+#include "genu/model/Analysis.h"
+#include "genu/report/ContactReport.h"
+#include "genu/report/OutputFolder.h"
+#include "genu/report/RunReport.h"
+
+namespace genu::app {
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+namespace {
+
+fs::path chooseOutput(const RunOptions& options, const fs::path& fallback) {
+  return options.output.empty() ? fallback : options.output;
+}
+
+report::RunInfo makeInfo(const std::string& analysis, const fs::path& folder, const scene::Scene& scene,
+                         const RunOptions& options, const CommonOptions& common) {
+  report::RunInfo info;
+  info.analysis = analysis;
+  info.folder = folder;
+  info.commandLine = common.commandLine;
+  info.dataFolder = common.dataFolder;
+  info.versions["simbody"] = GENU_SIMBODY_VERSION;
+  info.leftKnee = options.side == "left";
+  info.maps = scene.output.maps && !options.noMaps;
+  info.plots = scene.output.plots && !options.noPlots;
+  if (!options.reference.empty()) info.reference = report::readReferenceMotion(options.reference, scene.cycle_s);
+  const auto poses = std::make_shared<PairPoses>(scene);
+  info.calcPairPose = [poses](const scene::Frame& frame, size_t pair) { return poses->calcPose(frame.q, pair); };
+  return info;
+}
+
+/** Writes the results and prints the table. */
+int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const report::RunInfo& info,
+           const RunOptions& options, const CommonOptions& common) {
+  if (trajectory.failed && !(options.keepFailed && !trajectory.frames.empty())) {
+    throw ComputationError(fmt::format("{}: {}{}", scene.file.string(), trajectory.statusText,
+                                       trajectory.frames.empty() ? "" : " (--keep-failed writes what was computed)"));
+  }
+  if (trajectory.frames.empty()) {
+    spdlog::warn("{}: interrupted before the first result; nothing written", scene.file.string());
+    return kInterrupted;
+  }
+  report::RunOutput output;
+  {
+    const HoldExit hold;
+    ProgressMeter meter("writing results", common.console);
+    // Once a run was interrupted its results are still written, without being asked to stop again.
+    const scene::Progress progress = trajectory.complete ? meter.callback() : scene::Progress{};
+    output = report::writeRun(scene, trajectory, info, progress);
+  }
+  for (const auto& note : output.notes) spdlog::warn("{}", note);
+  if (report::worstStatus(trajectory.frames.back().contacts) == contact::EvaluationStatus::extrapolated) {
+    spdlog::warn("{}", report::describeStatus(scene, trajectory.frames.back().contacts));
+  }
+  if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);
+  if (!common.console.quiet) {
+    fmt::print("{}\n{}\nComputed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n", scene.name,
+               output.table, trajectory.wallTime_s, trajectory.cpuTime_s, trajectory.statistics.contactEvaluations,
+               output.folder.string());
+  }
+  if (trajectory.failed) {
+    spdlog::error("{}: {}", scene.file.string(), trajectory.statusText);
+    return kComputationFailed;
+  }
+  return trajectory.complete && !wasInterrupted() ? kOk : kInterrupted;
+}
+
+ordered_json toJson(const model::StaticResult& result) {
+  ordered_json json = {{"method", result.method},
+                       {"status_text", result.statusText},
+                       {"residual_N", result.residual_N},
+                       {"max_acceleration_m_per_s2", result.maxAcceleration},
+                       {"iterations", result.iterations},
+                       {"contact_evaluations", result.contactEvaluations},
+                       {"wall_time_s", result.wallTime_s},
+                       {"constraint_force_N_or_Nm", result.constraintForce}};
+  if (result.methodDifference_m) json["method_difference_m"] = *result.methodDifference_m;
+  return json;
+}
+
+}  // namespace
+
+scene::ReadOptions makeReadOptions(const CommonOptions& common, const std::string& grid, bool requireModel) {
+  scene::ReadOptions options;
+  options.dataDir = common.dataFolder;
+  options.requireModel = requireModel;
+  if (!grid.empty()) options.gridOverride = scene::parseGrid(grid, "--grid");
+  return options;
+}
+
+int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
+  installInterruptHandler(false);
+  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
+  const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-static"));
+  report::OutputFolder::check(folder);
+  report::RunInfo info = makeInfo("static", folder, scene, options, common);
+
+  model::StaticResult result;
+  {
+    ProgressMeter meter("static analysis", common.console);
+    result = model::runStatic(scene, meter.callback());
+  }
+  using Status = model::StaticResult::Status;
+  scene::Trajectory trajectory;
+  trajectory.complete = result.status == Status::converged;
+  trajectory.failed = result.status == Status::notConverged;
+  trajectory.statusText = result.statusText;
+  trajectory.wallTime_s = result.wallTime_s;
+  trajectory.cpuTime_s = result.cpuTime_s;
+  trajectory.statistics.name = result.method;
+  trajectory.statistics.stepsTaken = result.iterations;
+  trajectory.statistics.contactEvaluations = result.contactEvaluations;
+  trajectory.statistics.distanceQueries = result.distanceQueries;
+  if (!result.contacts.empty()) {
+    scene::Frame frame;
+    frame.time_s = result.time_s;
+    frame.q = result.q;
+    frame.contacts = result.contacts;
+    frame.constraintForce.assign(result.constraintForce.begin(), result.constraintForce.end());
+    trajectory.frames.push_back(std::move(frame));
+  }
+  info.details["static"] = toJson(result);
+  return finish(scene, trajectory, info, options, common);
+}
+
+int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
+  installInterruptHandler(false);
+  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
+  const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-gait"));
+  report::OutputFolder::check(folder);
+  report::RunInfo info = makeInfo("gait", folder, scene, options, common);
+
+  model::GaitResult result;
+  {
+    ProgressMeter meter("gait", common.console);
+    result = model::runGait(scene, meter.callback());
+  }
+  if (result.settling) info.details["settling"] = toJson(*result.settling);
+  return finish(scene, result, info, options, common);
+}
+
+int runReplayCommand(const RunOptions& options, const CommonOptions& common) {
+  installInterruptHandler(false);
+  const report::StoredRun run = report::readStoredRun(options.scene);
+  CommonOptions stored = common;
+  if (!run.dataFolder.empty()) stored.dataFolder = run.dataFolder;
+  const scene::Scene scene = scene::readScene(run.sceneFile, makeReadOptions(stored, options.grid, false));
+  fs::path fallback = fs::absolute(options.scene).lexically_normal();
+  if (!fallback.has_filename()) fallback = fallback.parent_path();
+  fallback += options.grid.empty() ? "-replay" : "-replay-" + options.grid;
+  const fs::path folder = chooseOutput(options, fallback);
+  if (fs::weakly_canonical(folder) == fs::weakly_canonical(options.scene)) {
+    throw InputError(fmt::format("--output \"{}\": the results being replayed are there; choose another folder", folder.string()));
+  }
+  report::OutputFolder::check(folder);
+  RunOptions runOptions = options;
+  if (run.leftKnee) runOptions.side = "left";
+  report::RunInfo info = makeInfo("replay", folder, scene, runOptions, stored);
+  info.details["replayed"] = {{"folder", fs::absolute(options.scene).lexically_normal().string()},
+                              {"analysis", run.analysis},
+                              {"complete", run.complete}};
+  if (!run.complete) spdlog::warn("the run in {} is incomplete; so is its replay", options.scene.string());
+
+  scene::Trajectory trajectory;
+  {
+    ProgressMeter meter("replay", common.console);
+    trajectory = model::replay(run.time_s, run.q, scene, meter.callback());
+  }
+  return finish(scene, trajectory, info, runOptions, stored);
+}
+
+}  // namespace genu::app

@@ -1,0 +1,94 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "genu/contact/ContactPair.h"
+#include "genu/scene/Progress.h"
+#include "genu/scene/Scene.h"
+#include "genu/scene/Trajectory.h"
+
+namespace genu::model {
+
+/** Length that makes a rotation comparable with a translation: moments are divided by it, angles multiplied. The
+ distance between condyle centers is about twice this. */
+inline constexpr double kAngleLength_m = 0.025;
+
+/** The contact pairs of a scene, built once and shared (each is immutable and thread-safe).
+    @throws InputError naming the contact, the quantity and what is allowed */
+std::vector<std::shared_ptr<const contact::ContactPair>> buildContactPairs(const scene::Scene& scene);
+
+/** Equilibrium of the free coordinates at rest, prescribed coordinates and loads taken at one time.
+
+   r_i(q) = generalized force of contact, loads, gravity and every other force on free coordinate i at zero velocity = 0
+
+ A residual is compared as max |r_i| with moments divided by kAngleLength_m. */
+struct StaticResult {
+  enum class Status { converged, notConverged, interrupted };
+  Status status = Status::notConverged;
+  std::string statusText;  ///< how it ended, and what to try if it did not converge
+  std::string method;      ///< "newton", "newton after implicit Euler", "implicit Euler"
+  double time_s = 0;       ///< the time tables were read at
+  contact::JointCoordinates q{};
+  double residual_N = 0;                         ///< largest remaining residual
+  double maxAcceleration = 0;                    ///< largest acceleration of the released body at rest [m/s^2, rad/s^2]
+  int iterations = 0;                            ///< Newton iterations, or steps of implicit Euler
+  std::vector<contact::ContactResult> contacts;  ///< with energy, one per contact pair
+  std::array<double, 6> constraintForce{};       ///< generalized force that holds each prescribed coordinate
+  long contactEvaluations = 0, distanceQueries = 0;
+  double wallTime_s = 0, cpuTime_s = 0;
+  /** Method `both`: largest difference of the two poses, angles times kAngleLength_m [m]. */
+  std::optional<double> methodDifference_m;
+};
+
+/** Static analysis [BF2004 §3.1], from the scene's `static` section (its defaults where there is none).
+
+ Start: free coordinates at their `start`, otherwise 0; y without a start is found by lowering the moving body from
+ above until it touches (each move is the smallest element distance, so it cannot overshoot). The same is done when a
+ given start penetrates fully, and in `newton` when it is separated and y is free.
+ - newton: pseudo-transient continuation, (I/delta + K) dz = r with the stiffness K by finite differences and delta
+   grown as the residual falls, which ends as Newton's method; where it fails, implicit Euler takes over and Newton
+   finishes (`method` says so).
+ - implicitEuler: the paper's way. The equations of motion with a large viscous force on the free coordinates are
+   integrated by implicit Euler with growing steps until the acceleration of the body, released at rest, is below
+   maxAcceleration. Slower, and it settles from almost any start.
+ - both: newton, then implicitEuler from the same start; their difference is reported.
+
+ @throws InputError wrong scene (missing model, table that does not cover the time, load on a prescribed coordinate)
+ @throws ComputationError contact is never made, or full penetration */
+StaticResult runStatic(const scene::Scene& scene, const scene::Progress& progress = {});
+
+/** A trajectory, and the static analysis it started from. */
+struct GaitResult : scene::Trajectory {
+  std::optional<StaticResult> settling;  ///< absent when the scene starts without settling
+};
+
+/** Dynamic analysis [BF2004 §3.2]: prescribed coordinates follow their curves through Simbody constraints, the free
+ ones are integrated from the static equilibrium at t = 0 and the rates at which it moves on (settleFirst), or from
+ their start values at rest.
+
+ Error control: the local error of each step is kept below `accuracy` in a weighted RMS norm in which 1 is
+   1 mm for translations, 1 mm / kAngleLength_m for angles, 10 m/s and 10 m/s / kAngleLength_m for their rates,
+ absolute only: a relative tolerance would act on the height of the moving body's origin, some 33 mm, instead of
+ the penetration. The default 1e-4 is thus 1e-4 mm. The order of the BDF formulas is capped at 2: higher ones are not
+ stable on the undamped contact modes.
+
+ Failure after the start (full penetration, no convergence) is not an exception: the trajectory has `failed`,
+ `statusText` and the frames computed so far.
+ @throws InputError as runStatic; unknown integrator (lists those available)
+ @throws ComputationError contact is never made during the run, or the settling fails */
+GaitResult runGait(const scene::Scene& scene, const scene::Progress& progress = {});
+
+/** Recorded motion evaluated by the contact engine alone, for pressures and areas on the grid of `scene` (which may
+ differ from the one of the run). Frames have q, contacts with energy, no rates. Works without a model section if the
+ contact pairs name no links.
+ @throws InputError when time and q differ in length or hold values that are not finite */
+scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<contact::JointCoordinates>& q,
+                         const scene::Scene& scene, const scene::Progress& progress = {});
+
+/** Names allowed for GaitSpec::integrator. */
+std::vector<std::string> integratorNames();
+
+}  // namespace genu::model

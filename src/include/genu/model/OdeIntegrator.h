@@ -1,0 +1,49 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace genu::model {
+
+/** The initial value problem y' = f(t, y) that an integrator sees. It knows neither Simbody nor contact. */
+class OdeProblem {
+ public:
+  enum class Evaluation {
+    ok,
+    retry,  ///< y is outside the model's range: shorten the step
+    stop,   ///< give up; the reason is kept by the problem
+  };
+  virtual ~OdeProblem() = default;
+  virtual int size() const = 0;
+  /** Never throws: exceptions may not cross the integrators' C code. */
+  virtual Evaluation evaluate(double t, const double* y, double* ydot) noexcept = 0;
+  /** Absolute tolerance of each component, > 0; there is no relative one. */
+  virtual const std::vector<double>& absoluteTolerances() const = 0;
+};
+
+/** One stiff integrator, stepping at its own pace up to a stop time that it does not pass. */
+class OdeIntegrator {
+ public:
+  struct Statistics {
+    long stepsTaken = 0, stepsAttempted = 0, errorTestFailures = 0, convergenceFailures = 0, evaluations = 0;
+  };
+  virtual ~OdeIntegrator() = default;
+  virtual std::string name() const = 0;
+  /** @return false with errorText() set when it cannot start */
+  virtual bool initialize(double t0, const std::vector<double>& y0, double stopTime) = 0;
+  /** Takes one internal step. @return false with errorText() set on failure */
+  virtual bool step() = 0;
+  virtual double time() const = 0;
+  /** The solution inside the last step. */
+  virtual void interpolate(double t, std::vector<double>& y) = 0;
+  virtual Statistics statistics() = 0;
+  virtual const std::string& errorText() const = 0;
+};
+
+/** "cpodes": BDF of order 1 and 2 with Newton iteration, Simbody's CPODES.
+    @throws InputError for an unknown name, listing the known ones; `where` is the key it came from */
+std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem,
+                                                 const std::string& where);
+
+}  // namespace genu::model

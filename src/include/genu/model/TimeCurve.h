@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "genu/scene/Scene.h"
+
+namespace genu::model {
+
+/** A smooth function of time: a constant, or the interpolating cubic spline through a table.
+
+ Table (t_i, y_i): piecewise cubic, twice continuously differentiable, S(t_i) = y_i, not-a-knot at both ends (the
+ first two and the last two intervals share one cubic), so cubic data are reproduced exactly and the error is
+ O(dt^4) up to the ends. Two points give a straight line, three a parabola. Nothing is made periodic. A spline can
+ overshoot near a jump: give enough points there. Outside the table the end cubic continues; checkCovers() rejects
+ runs that would use it.
+ Units: those of the values, over seconds.
+ Source: de Boor, A Practical Guide to Splines, 2001, ch. IV. */
+class TimeCurve {
+ public:
+  /** @throws InputError when the table has fewer than two points, unequal columns, a value that is not finite or times
+   that do not increase; the message names the table's source and the row */
+  explicit TimeCurve(const scene::TimeFunction& function);
+
+  bool isConstant() const { return time_.empty(); }
+  double calcValue(double t_s) const { return calcDerivative(t_s, 0); }
+  /** order 0, 1, 2 or 3 */
+  double calcDerivative(double t_s, int order) const;
+
+  /** @throws InputError when the table does not reach from t0 to t1; `use` names what the table is for */
+  void checkCovers(double t0_s, double t1_s, const std::string& use) const;
+
+ private:
+  std::vector<double> time_, value_, second_;  // second derivatives at the points
+  double constant_ = 0;
+  std::string source_;
+};
+
+}  // namespace genu::model

@@ -1,0 +1,238 @@
+#include "genu/model/ArticularContactSubsystem.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "Conversions.h"
+
+namespace genu::model {
+
+namespace {
+
+using SimTK::CacheEntryIndex;
+using SimTK::Stage;
+using SimTK::State;
+using SimTK::Transform;
+
+/** Warm-start memory in a State: every copy of the State starts its own, cold and with counters at zero. */
+struct Workspaces {
+  Workspaces() = default;
+  Workspaces(const Workspaces&) {}
+  Workspaces& operator=(const Workspaces&) {
+    perPair.clear();
+    counters = {};
+    return *this;
+  }
+  ~Workspaces() = default;
+
+  std::vector<contact::ContactWorkspace> perPair;
+  ArticularContactSubsystem::Counters counters;
+};
+
+using Results = std::vector<contact::ContactResult>;
+using PairRates = std::vector<ArticularContactSubsystem::Rates>;
+
+template <class T>
+T& updValue(SimTK::AbstractValue& value) {
+  return SimTK::Value<T>::updDowncast(value);
+}
+template <class T>
+const T& getValue(const SimTK::AbstractValue& value) {
+  return SimTK::Value<T>::downcast(value);
+}
+
+}  // namespace
+
+class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
+ public:
+  Guts() : SimTK::ForceSubsystem::Guts("ArticularContactSubsystem", "1.0") {}
+
+  struct Pair {
+    std::string name;
+    std::shared_ptr<const contact::ContactPair> pair;
+    Attachment attachment;
+  };
+  std::vector<Pair> pairs;
+
+  struct Frames {
+    Transform X_GF, X_GM;
+  };
+  Frames calcFrames(const State& state, const Pair& pair) const {
+    const SimTK::SimbodyMatterSubsystem& matter = getMultibodySystem().getMatterSubsystem();
+    return {matter.getMobilizedBody(pair.attachment.fixed).getBodyTransform(state) * pair.attachment.X_FixedF,
+            matter.getMobilizedBody(pair.attachment.moving).getBodyTransform(state) * pair.attachment.X_MovingM};
+  }
+  contact::Pose calcPose(const State& state, const Pair& pair) const {
+    const Frames frames = calcFrames(state, pair);
+    return toPose(~frames.X_GF * frames.X_GM);
+  }
+
+  Workspaces& updWorkspaces(const State& state) const {
+    Workspaces& workspaces = updValue<Workspaces>(updCacheEntry(state, workspaceIndex_));
+    if (workspaces.perPair.size() != pairs.size()) {
+      workspaces.perPair.clear();
+      for (const Pair& pair : pairs) workspaces.perPair.emplace_back(*pair.pair);
+    }
+    return workspaces;
+  }
+
+  const Results& getResults(const State& state, bool withEnergy) const {
+    if (!withEnergy && isCacheValueRealized(state, energyResultIndex_)) withEnergy = true;  // serves both
+    const CacheEntryIndex index = withEnergy ? energyResultIndex_ : resultIndex_;
+    if (!isCacheValueRealized(state, index)) {
+      Workspaces& workspaces = updWorkspaces(state);
+      Results& results = updValue<Results>(updCacheEntry(state, index));
+      results.resize(pairs.size());
+      for (size_t i = 0; i < pairs.size(); ++i) {
+        pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], {withEnergy}, results[i]);
+        ++workspaces.counters.evaluations;
+        workspaces.counters.copies += results[i].copied ? 1 : 0;
+        workspaces.counters.distanceQueries += results[i].distanceQueries;
+      }
+      markCacheValueRealized(state, index);
+    }
+    return getValue<Results>(getCacheEntry(state, index));
+  }
+
+  const PairRates& getRates(const State& state) const {
+    if (!isCacheValueRealized(state, ratesIndex_)) {
+      const SimTK::SimbodyMatterSubsystem& matter = getMultibodySystem().getMatterSubsystem();
+      const Results& results = getResults(state, false);
+      PairRates& rates = updValue<PairRates>(updCacheEntry(state, ratesIndex_));
+      rates.resize(pairs.size());
+      for (size_t i = 0; i < pairs.size(); ++i) {
+        const Attachment& at = pairs[i].attachment;
+        const SimTK::MobilizedBody& fixed = matter.getMobilizedBody(at.fixed);
+        const SimTK::MobilizedBody& moving = matter.getMobilizedBody(at.moving);
+        // Velocity of Mo relative to the point of the fixed body that coincides with it.
+        const SimTK::Vec3 p_FixedMo = fixed.findStationAtAnotherBodyStation(state, moving, at.X_MovingM.p());
+        const SimTK::Vec3 w_G = moving.getBodyAngularVelocity(state) - fixed.getBodyAngularVelocity(state);
+        const SimTK::Vec3 v_G = moving.findStationVelocityInGround(state, at.X_MovingM.p()) -
+                                fixed.findStationVelocityInGround(state, p_FixedMo);
+        const SimTK::Rotation R_GF = fixed.getBodyRotation(state) * at.X_FixedF.R();
+        rates[i].V_FM.w_FM = toEigen(~R_GF * w_G);
+        rates[i].V_FM.v_FMo = toEigen(~R_GF * v_G);
+        rates[i].power_W =
+            contact::ContactPair::calcPower(results[i].total, rates[i].V_FM, calcPose(state, pairs[i]).p);
+      }
+      markCacheValueRealized(state, ratesIndex_);
+    }
+    return getValue<PairRates>(getCacheEntry(state, ratesIndex_));
+  }
+
+  const Counters& getCounters(const State& state) const { return updWorkspaces(state).counters; }
+
+  SimTK::Real calcPotentialEnergy(const State& state) const override {
+    double energy = 0;
+    for (const contact::ContactResult& result : getResults(state, true)) energy += result.total.energy_J;
+    return energy;
+  }
+
+ protected:
+  Guts* cloneImpl() const override { return new Guts(*this); }
+
+  int realizeSubsystemTopologyImpl(State& state) const override {
+    Guts* self = const_cast<Guts*>(this);  // indices are this subsystem's topology cache
+    self->workspaceIndex_ = allocateCacheEntry(state, Stage::Topology, Stage::Infinity, new SimTK::Value<Workspaces>());
+    self->resultIndex_ = allocateLazyCacheEntry(state, Stage::Position, new SimTK::Value<Results>());
+    self->energyResultIndex_ = allocateLazyCacheEntry(state, Stage::Position, new SimTK::Value<Results>());
+    self->ratesIndex_ = allocateLazyCacheEntry(state, Stage::Velocity, new SimTK::Value<PairRates>());
+    return 0;
+  }
+
+  int realizeSubsystemDynamicsImpl(const State& state) const override {
+    const SimTK::MultibodySystem& system = getMultibodySystem();
+    const SimTK::SimbodyMatterSubsystem& matter = system.getMatterSubsystem();
+    SimTK::Vector_<SimTK::SpatialVec>& bodyForces = system.updRigidBodyForces(state, Stage::Dynamics);
+    const Results& results = getResults(state, false);
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      const contact::NetLoad& load = results[i].total;
+      if (load.activeElements == 0) continue;
+      const Attachment& at = pairs[i].attachment;
+      const Transform X_GF = calcFrames(state, pairs[i]).X_GF;
+      bodyForces[at.moving] +=
+          toSpatialVecInG(load, X_GF, matter.getMobilizedBody(at.moving).getBodyOriginLocation(state));
+      bodyForces[at.fixed] -=
+          toSpatialVecInG(load, X_GF, matter.getMobilizedBody(at.fixed).getBodyOriginLocation(state));
+    }
+    return 0;
+  }
+
+ private:
+  CacheEntryIndex workspaceIndex_, resultIndex_, energyResultIndex_, ratesIndex_;
+};
+
+ArticularContactSubsystem::ArticularContactSubsystem(SimTK::MultibodySystem& system) {
+  adoptSubsystemGuts(new Guts());
+  system.addForceSubsystem(*this);
+}
+
+const ArticularContactSubsystem::Guts& ArticularContactSubsystem::guts() const {
+  return dynamic_cast<const Guts&>(getSubsystemGuts());
+}
+ArticularContactSubsystem::Guts& ArticularContactSubsystem::updGuts() {
+  return dynamic_cast<Guts&>(updSubsystemGuts());
+}
+
+int ArticularContactSubsystem::addContactPair(const std::string& name, std::shared_ptr<const contact::ContactPair> pair,
+                                              const Attachment& attachment) {
+  if (!pair) throw std::invalid_argument("ArticularContactSubsystem: contact pair '" + name + "' is null");
+  if (attachment.fixed == attachment.moving) {
+    throw std::invalid_argument("ArticularContactSubsystem: contact pair '" + name + "' joins a body to itself");
+  }
+  Guts& own = updGuts();
+  own.invalidateSubsystemTopologyCache();
+  own.pairs.push_back({name, std::move(pair), attachment});
+  return static_cast<int>(own.pairs.size()) - 1;
+}
+
+int ArticularContactSubsystem::numContactPairs() const { return static_cast<int>(guts().pairs.size()); }
+const std::string& ArticularContactSubsystem::name(int pair) const {
+  return guts().pairs.at(static_cast<size_t>(pair)).name;
+}
+const contact::ContactPair& ArticularContactSubsystem::contactPair(int pair) const {
+  return *guts().pairs.at(static_cast<size_t>(pair)).pair;
+}
+const ArticularContactSubsystem::Attachment& ArticularContactSubsystem::attachment(int pair) const {
+  return guts().pairs.at(static_cast<size_t>(pair)).attachment;
+}
+
+contact::Pose ArticularContactSubsystem::calcPose(const State& state, int pair) const {
+  return guts().calcPose(state, guts().pairs.at(static_cast<size_t>(pair)));
+}
+const contact::ContactResult& ArticularContactSubsystem::getResult(const State& state, int pair) const {
+  return guts().getResults(state, false).at(static_cast<size_t>(pair));
+}
+const contact::ContactResult& ArticularContactSubsystem::getResultWithEnergy(const State& state, int pair) const {
+  return guts().getResults(state, true).at(static_cast<size_t>(pair));
+}
+contact::EvaluationStatus ArticularContactSubsystem::getStatus(const State& state) const {
+  contact::EvaluationStatus worst = contact::EvaluationStatus::ok;
+  for (const contact::ContactResult& result : guts().getResults(state, false)) worst = std::max(worst, result.status);
+  return worst;
+}
+const ArticularContactSubsystem::Rates& ArticularContactSubsystem::getRates(const State& state, int pair) const {
+  return guts().getRates(state).at(static_cast<size_t>(pair));
+}
+std::vector<std::vector<contact::ElementField>> ArticularContactSubsystem::calcFields(const State& state,
+                                                                                      int pair) const {
+  const Guts::Pair& own = guts().pairs.at(static_cast<size_t>(pair));
+  contact::ContactWorkspace workspace(*own.pair);
+  contact::ContactResult result;
+  own.pair->evaluate(guts().calcPose(state, own), workspace, {}, result);
+  return own.pair->calcFields(workspace);
+}
+const ArticularContactSubsystem::Counters& ArticularContactSubsystem::getCounters(const State& state) const {
+  return guts().getCounters(state);
+}
+
+SimTK::SpatialVec ArticularContactSubsystem::toSpatialVecInG(const contact::NetLoad& load, const Transform& X_GF,
+                                                             const SimTK::Vec3& p_GBo) {
+  const SimTK::Vec3 force_G = X_GF.R() * toSimTK(load.forceOnM_F);
+  const SimTK::Vec3 moment_Fo_G = X_GF.R() * toSimTK(load.momentOnM_Fo_F);
+  return {moment_Fo_G + (X_GF.p() - p_GBo) % force_G, force_G};
+}
+
+}  // namespace genu::model

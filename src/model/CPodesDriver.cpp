@@ -1,0 +1,128 @@
+#include <Simbody.h>
+#include <simmath/internal/SimTKcpodes.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "genu/model/Analysis.h"
+#include "genu/model/OdeIntegrator.h"
+
+namespace genu::model {
+
+namespace {
+
+using SimTK::CPodes;
+using SimTK::Vector;
+
+/** Simbody's CPODES through its own interface instead of SimTK::CPodesIntegrator: that class fixes the tolerances at
+ accuracy (relative) and accuracy/10 (absolute, the same for m, rad, m/s and rad/s). */
+class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
+ public:
+  explicit CPodesDriver(OdeProblem& problem) : problem_(problem), y_(problem.size()), yDot_(problem.size()) {}
+
+  std::string name() const override { return "cpodes"; }
+
+  bool initialize(double t0, const std::vector<double>& y0, double stopTime) override {
+    cpodes_ = std::make_unique<CPodes>(CPodes::ExplicitODE, CPodes::BDF, CPodes::Newton);
+    error_.clear();
+    time_ = t0;
+    for (int i = 0; i < y_.size(); ++i) y_[i] = y0[static_cast<size_t>(i)];
+    if (explicitODE(t0, y_, yDot_) != CPodes::Success) {
+      error_ = "the start is not a valid state";
+      return false;
+    }
+    if (cpodes_->init(*this, t0, y_, yDot_, CPodes::WeightFunction, 0, nullptr) != CPodes::Success) {
+      error_ = "CPODES could not be initialized: " + message_;
+      return false;
+    }
+    cpodes_->setErrHandlerFn();
+    cpodes_->setEwtFn();
+    cpodes_->setMaxOrd(2);
+    cpodes_->lapackDense(y_.size());
+    cpodes_->setStopTime(stopTime);
+    // Ends the creeping towards a state that cannot be passed, such as full penetration.
+    cpodes_->setMinStep(kSmallestStep * (stopTime - t0));
+    return true;
+  }
+
+  bool step() override {
+    const int flag = cpodes_->step(kFarAhead_s, &time_, y_, yDot_, CPodes::OneStepTstop);
+    if (flag >= 0) return true;
+    error_ = message_.empty() ? "CPODES failed with code " + std::to_string(flag) : message_;
+    return false;
+  }
+
+  double time() const override { return time_; }
+
+  void interpolate(double t, std::vector<double>& y) override {
+    Vector dense(y_.size());
+    if (cpodes_->getDky(t, 0, dense) != CPodes::Success) dense = y_;
+    y.assign(static_cast<size_t>(y_.size()), 0.0);
+    for (int i = 0; i < y_.size(); ++i) y[static_cast<size_t>(i)] = dense[i];
+  }
+
+  Statistics statistics() override {
+    Statistics statistics;
+    int steps = 0, errorFailures = 0, convergenceFailures = 0;
+    cpodes_->getNumSteps(&steps);
+    cpodes_->getNumErrTestFails(&errorFailures);
+    cpodes_->getNumNonlinSolvConvFails(&convergenceFailures);
+    statistics.stepsTaken = steps;
+    statistics.errorTestFailures = errorFailures;
+    statistics.convergenceFailures = convergenceFailures;
+    statistics.stepsAttempted = steps + errorFailures + convergenceFailures;
+    statistics.evaluations = evaluations_;
+    return statistics;
+  }
+
+  const std::string& errorText() const override { return error_; }
+
+ private:
+  int explicitODE(double t, const Vector& y, Vector& yDot) const override {
+    ++evaluations_;
+    yDot.resize(y.size());
+    switch (problem_.evaluate(t, &y[0], &yDot[0])) {
+      case OdeProblem::Evaluation::ok:
+        return CPodes::Success;
+      case OdeProblem::Evaluation::retry:
+        return CPodes::RecoverableError;
+      default:
+        return CPodes::UnrecoverableError;
+    }
+  }
+
+  int weight(const Vector& y, Vector& weights) const override {
+    weights.resize(y.size());
+    for (int i = 0; i < y.size(); ++i) weights[i] = 1 / problem_.absoluteTolerances()[static_cast<size_t>(i)];
+    return CPodes::Success;
+  }
+
+  void errorHandler(int code, const char*, const char*, char* message) const override {
+    if (code < 0) message_ = message;
+  }
+
+  static constexpr double kSmallestStep = 1e-10;  // of the run
+  static constexpr double kFarAhead_s = 1e300;    // the stop time ends the run; this is only a direction
+
+  OdeProblem& problem_;
+  std::unique_ptr<CPodes> cpodes_;
+  Vector y_, yDot_;
+  double time_ = 0;
+  std::string error_;
+  mutable std::string message_;
+  mutable long evaluations_ = 0;
+};
+
+}  // namespace
+
+std::vector<std::string> integratorNames() { return {"cpodes"}; }
+
+std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem,
+                                                 const std::string& where) {
+  if (name == "cpodes") return std::make_unique<CPodesDriver>(problem);
+  std::string names;
+  for (const std::string& known : integratorNames()) names += (names.empty() ? "'" : ", '") + known + "'";
+  throw InputError(where + ": unknown integrator '" + name + "'; available: " + names);
+}
+
+}  // namespace genu::model

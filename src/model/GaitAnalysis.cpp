@@ -1,0 +1,281 @@
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <sstream>
+
+#include "ReducedDynamics.h"
+#include "StaticAnalysis.h"
+#include "genu/model/KneeSystem.h"
+#include "genu/model/OdeIntegrator.h"
+
+namespace genu::model {
+
+namespace {
+
+using contact::EvaluationStatus;
+
+/** y = (q, u) of the free coordinates; prescribed ones are set from their curves, where the constraints then hold
+ exactly and nothing needs to be projected. */
+class KneeOde : public OdeProblem {
+ public:
+  KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, double accuracy)
+      : knee_(knee), state_(defaultState) {
+    for (int i = 0; i < 6; ++i) {
+      if (!knee.isPrescribed(i)) free_.push_back(i);
+    }
+    // See runGait(): 1 mm and 10 m/s at the surfaces.
+    for (const double unit : {1e-3, 10.0}) {
+      for (int i : free_) tolerances_.push_back(accuracy * unit / (i < 3 ? kAngleLength_m : 1.0));
+    }
+  }
+
+  int size() const override { return 2 * static_cast<int>(free_.size()); }
+  const std::vector<double>& absoluteTolerances() const override { return tolerances_; }
+
+  Evaluation evaluate(double t, const double* y, double* ydot) noexcept override {
+    try {
+      setState(t, y);
+      knee_.system().realize(state_, SimTK::Stage::Velocity);
+      const EvaluationStatus status = knee_.contact().getStatus(state_);
+      if (status > EvaluationStatus::extrapolated) {
+        fullPenetration_ = status == EvaluationStatus::fullPenetration;
+        failure_ = fullPenetration_ ? "full penetration" : "a closest-point query did not converge";
+        return Evaluation::retry;
+      }
+      knee_.system().realize(state_, SimTK::Stage::Acceleration);
+      const SimTK::Vector& udot = state_.getUDot();
+      const size_t n = free_.size();
+      for (size_t k = 0; k < n; ++k) {
+        ydot[k] = y[n + k];
+        ydot[n + k] = udot[free_[k]];
+        if (!std::isfinite(ydot[n + k])) {
+          failure_ = "the acceleration is not finite";
+          return Evaluation::retry;
+        }
+      }
+      touched_ = touched_ || hasContact();
+      failure_.clear();
+      return Evaluation::ok;
+    } catch (const std::exception& error) {
+      failure_ = error.what();
+      return Evaluation::retry;
+    }
+  }
+
+  std::vector<double> start(const contact::JointCoordinates& q, const contact::JointCoordinates& qdot) const {
+    std::vector<double> y;
+    for (int i : free_) y.push_back(q[static_cast<size_t>(i)]);
+    for (int i : free_) y.push_back(qdot[static_cast<size_t>(i)]);
+    return y;
+  }
+
+  scene::Frame makeFrame(double t, const std::vector<double>& y) {
+    setState(t, y.data());
+    scene::Frame frame;
+    frame.time_s = t;
+    knee_.system().realize(state_, SimTK::Stage::Position);
+    for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
+      frame.contacts.push_back(knee_.contact().getResultWithEnergy(state_, i));
+    }
+    knee_.system().realize(state_, SimTK::Stage::Acceleration);
+    for (int i = 0; i < 6; ++i) {
+      const auto k = static_cast<size_t>(i);
+      frame.q[k] = state_.getQ()[i];
+      frame.qdot[k] = state_.getU()[i];
+      frame.qddot[k] = state_.getUDot()[i];
+    }
+    touched_ = touched_ || hasContact();
+    // What inverse dynamics without the constraints asks for is what the constraints supply.
+    SimTK::Vector force;
+    knee_.matter().calcResidualForceIgnoringConstraints(
+        state_, knee_.system().getMobilityForces(state_, SimTK::Stage::Dynamics),
+        knee_.system().getRigidBodyForces(state_, SimTK::Stage::Dynamics), state_.getUDot(), force);
+    frame.constraintForce.assign(6, 0.0);
+    for (int i = 0; i < 6; ++i) {
+      if (knee_.isPrescribed(i)) frame.constraintForce[static_cast<size_t>(i)] = force[i];
+    }
+    return frame;
+  }
+
+  bool touched() const { return touched_; }
+  /** Why the last evaluation was refused; empty when it was not. */
+  const std::string& failure() const { return failure_; }
+  std::string advice() const {
+    if (!failure_.empty() && fullPenetration_) {
+      return "; the layer is too thin or too soft for the load, or the prescribed motion pushes one body through the "
+             "other; check units of modulus, thickness and load";
+    }
+    return "; check loads, mass and prescribed motion, or try another accuracy";
+  }
+  const ArticularContactSubsystem::Counters& counters() const { return knee_.contact().getCounters(state_); }
+
+ private:
+  void setState(double t, const double* y) {
+    knee_.prescribe(state_, t, false);
+    const size_t n = free_.size();
+    SimTK::Vector& q = state_.updQ();
+    for (size_t k = 0; k < n; ++k) q[free_[k]] = y[k];
+    SimTK::Vector& u = state_.updU();
+    for (size_t k = 0; k < n; ++k) u[free_[k]] = y[n + k];
+  }
+
+  bool hasContact() const {
+    for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
+      if (knee_.contact().getResult(state_, i).total.activeElements > 0) return true;
+    }
+    return false;
+  }
+
+  const KneeSystem& knee_;
+  SimTK::State state_;
+  std::vector<int> free_;
+  std::vector<double> tolerances_;
+  std::string failure_;
+  bool touched_ = false, fullPenetration_ = false;
+};
+
+std::vector<double> makeOutputTimes(const scene::GaitSpec& gait) {
+  std::vector<double> times;
+  // An interval that divides the duration up to rounding gives no extra last frame.
+  const long count = static_cast<long>(std::floor(gait.duration_s / gait.outputInterval_s + 1e-9));
+  for (long k = 0; k <= count; ++k) times.push_back(static_cast<double>(k) * gait.outputInterval_s);
+  if (times.back() < gait.duration_s * (1 - 1e-9)) times.push_back(gait.duration_s);
+  times.back() = std::min(times.back(), gait.duration_s);
+  return times;
+}
+
+std::string atTime(double t) {
+  std::ostringstream text;
+  text.precision(4);
+  text << "t = " << t << " s";
+  return text.str();
+}
+
+void checkSettings(const scene::Scene& scene, const scene::GaitSpec& gait) {
+  const auto check = [&](double value, const char* key, const char* unit) {
+    if (value > 0 && std::isfinite(value)) return;
+    std::ostringstream text;
+    text << scene.file.string() << ": gait " << key << " is " << value << unit << "; it must be positive";
+    throw InputError(text.str());
+  };
+  check(gait.duration_s, "duration", " s");
+  check(gait.outputInterval_s, "output interval", " s");
+  check(gait.accuracy, "accuracy", "");
+}
+
+void integrate(KneeOde& ode, OdeIntegrator& integrator, const std::vector<double>& y0, const scene::GaitSpec& gait,
+               const scene::Progress& progress, GaitResult& result) {
+  const std::vector<double> times = makeOutputTimes(gait);
+  const auto fail = [&](double t) {
+    result.failed = true;
+    result.statusText = "failed at " + atTime(t) + ": " +
+                        (ode.failure().empty() ? integrator.errorText() : ode.failure()) + ode.advice();
+  };
+  if (!integrator.initialize(0, y0, times.back())) {
+    fail(0);
+    return;
+  }
+  result.frames.push_back(ode.makeFrame(0, y0));
+  size_t next = 1;
+  std::vector<double> y;
+  while (next < times.size()) {
+    if (progress && !progress(integrator.time() / times.back())) {
+      result.statusText = "interrupted at " + atTime(integrator.time());
+      return;
+    }
+    if (!integrator.step()) {
+      fail(integrator.time());
+      return;
+    }
+    const double reached = integrator.time();
+    for (; next < times.size() && times[next] <= reached * (1 + 1e-14); ++next) {
+      const double t = std::min(times[next], reached);
+      integrator.interpolate(t, y);
+      scene::Frame frame = ode.makeFrame(t, y);
+      frame.time_s = times[next];
+      result.frames.push_back(std::move(frame));
+    }
+  }
+  result.complete = true;
+  result.statusText = "complete";
+}
+
+}  // namespace
+
+GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Progress& progress) {
+  const auto wallStart = std::chrono::steady_clock::now();
+  const double cpuStart = cpuTime_s();
+  const scene::GaitSpec gait = scene.gait.value_or(scene::GaitSpec{});
+  checkSettings(scene, gait);
+  knee.checkTablesCover(0, gait.duration_s);
+  SimTK::State state = knee.system().realizeTopology();
+  knee.system().realizeModel(state);
+
+  KneeOde ode(knee, state, gait.accuracy);
+  const std::unique_ptr<OdeIntegrator> integrator =
+      makeOdeIntegrator(gait.integrator, ode, scene.file.string() + ": gait integrator");
+
+  GaitResult result;
+  const auto finish = [&] {
+    result.wallTime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wallStart).count();
+    result.cpuTime_s = cpuTime_s() - cpuStart;
+  };
+
+  contact::JointCoordinates q{}, qdot{};
+  if (gait.settleFirst) {
+    scene::StaticSpec settings = scene.staticAnalysis.value_or(scene::StaticSpec{});
+    settings.time_s = 0;
+    if (settings.method == scene::StaticSpec::Method::both) settings.method = scene::StaticSpec::Method::newton;
+    bool stopped = false;
+    // Settling takes a few per cent of a run: it only asks whether to stop.
+    const scene::Progress settlingProgress = [&](double) {
+      stopped = stopped || (progress && !progress(0));
+      return !stopped;
+    };
+    result.settling = settle(knee, state, scene, settings, settlingProgress);
+    if (result.settling->status == StaticResult::Status::notConverged) {
+      throw ComputationError(scene.file.string() + ": settling before the gait: " + result.settling->statusText);
+    }
+    if (stopped) {
+      result.statusText = "interrupted while settling";
+      finish();
+      return result;
+    }
+    q = result.settling->q;
+    qdot = calcEquilibriumRates(knee, state, q, 0);
+  } else {
+    for (int i = 0; i < 6; ++i) {
+      if (knee.isPrescribed(i)) continue;
+      const auto& free = std::get<scene::FreeCoordinate>(scene.model->coordinates[static_cast<size_t>(i)]);
+      q[static_cast<size_t>(i)] = free.start.value_or(0.0);
+    }
+  }
+
+  integrate(ode, *integrator, ode.start(q, qdot), gait, progress, result);
+  const OdeIntegrator::Statistics counts = integrator->statistics();
+  const ArticularContactSubsystem::Counters& work = ode.counters();
+  scene::IntegratorStatistics& out = result.statistics;
+  out.name = integrator->name();
+  out.stepsTaken = counts.stepsTaken;
+  out.stepsAttempted = counts.stepsAttempted;
+  out.errorTestFailures = counts.errorTestFailures;
+  out.convergenceFailures = counts.convergenceFailures;
+  out.realizations = counts.evaluations;
+  out.contactEvaluations = work.evaluations;
+  out.contactCopies = work.copies;
+  out.distanceQueries = work.distanceQueries;
+  finish();
+  if (result.complete && knee.contact().numContactPairs() > 0 && !ode.touched()) {
+    throw ComputationError(scene.file.string() +
+                           ": contact is never made during the run; check that the surfaces lie above each other in "
+                           "the fixed frame, that the grid covers them, the start pose and the direction of the loads");
+  }
+  return result;
+}
+
+GaitResult runGait(const scene::Scene& scene, const scene::Progress& progress) {
+  KneeSystem knee(scene);
+  return runGait(knee, scene, progress);
+}
+
+}  // namespace genu::model

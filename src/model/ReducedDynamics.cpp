@@ -1,0 +1,143 @@
+#include "ReducedDynamics.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+
+namespace genu::model {
+
+using contact::EvaluationStatus;
+using Eigen::VectorXd;
+
+ReducedDynamics::ReducedDynamics(const KneeSystem& knee, const SimTK::State& defaultState, double time_s)
+    : knee_(knee), state_(defaultState), time_(time_s) {
+  if (state_.getNU() != 6) {
+    throw InputError("the system has " + std::to_string(state_.getNU()) +
+                     " mobilities; static and gait analyses work on the six of the joint");
+  }
+  for (int i = 0; i < 6; ++i) {
+    if (knee.isPrescribed(i)) continue;
+    free_.push_back(i);
+    scale_.push_back(i < 3 ? 1 / kAngleLength_m : 1.0);
+  }
+  zeroUDot_.resize(6);
+  zeroUDot_ = 0.0;
+  udot_ = zeroUDot_;
+  state_.updU() = 0.0;
+  knee_.prescribe(state_, time_, true);
+}
+
+int ReducedDynamics::findFree(int coordinate) const {
+  for (size_t k = 0; k < free_.size(); ++k) {
+    if (free_[k] == coordinate) return static_cast<int>(k);
+  }
+  return -1;
+}
+
+contact::JointCoordinates ReducedDynamics::coordinates(const VectorXd& z) const {
+  contact::JointCoordinates q{};
+  for (int i = 0; i < 6; ++i) {
+    const int k = findFree(i);
+    q[static_cast<size_t>(i)] = k < 0 ? knee_.motion(i).calcValue(time_) : scale_[static_cast<size_t>(k)] * z[k];
+  }
+  return q;
+}
+
+VectorXd ReducedDynamics::scaled(const contact::JointCoordinates& q) const {
+  VectorXd z(numFree());
+  for (int k = 0; k < numFree(); ++k) {
+    z[k] = q[static_cast<size_t>(free_[static_cast<size_t>(k)])] / scale_[static_cast<size_t>(k)];
+  }
+  return z;
+}
+
+const SimTK::State& ReducedDynamics::setPose(const VectorXd& z) {
+  SimTK::Vector& q = state_.updQ();
+  for (int k = 0; k < numFree(); ++k) q[free_[static_cast<size_t>(k)]] = scale_[static_cast<size_t>(k)] * z[k];
+  knee_.system().realize(state_, SimTK::Stage::Position);
+  return state_;
+}
+
+EvaluationStatus ReducedDynamics::evaluate(const SimTK::Vector& udot, VectorXd& r) {
+  const SimTK::MultibodySystem& system = knee_.system();
+  const EvaluationStatus status = knee_.contact().getStatus(state_);
+  r.resize(numFree());
+  system.realize(state_, SimTK::Stage::Dynamics);
+  // M udot + bias - applied forces: the force that would have to be added.
+  knee_.matter().calcResidualForceIgnoringConstraints(state_, system.getMobilityForces(state_, SimTK::Stage::Dynamics),
+                                                      system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), udot,
+                                                      residual_);
+  for (int k = 0; k < numFree(); ++k) {
+    r[k] = -scale_[static_cast<size_t>(k)] * residual_[free_[static_cast<size_t>(k)]];
+  }
+  return r.allFinite() ? status : EvaluationStatus::notConverged;
+}
+
+EvaluationStatus ReducedDynamics::calcStaticForce(const VectorXd& z, VectorXd& r) {
+  state_.updU() = 0.0;
+  setPose(z);
+  return evaluate(zeroUDot_, r);
+}
+
+EvaluationStatus ReducedDynamics::calcDynamicResidual(const VectorXd& z, const VectorXd& v, const VectorXd& a,
+                                                      VectorXd& r) {
+  SimTK::Vector& u = state_.updU();
+  u = 0.0;
+  udot_ = 0.0;
+  for (int k = 0; k < numFree(); ++k) {
+    const int i = free_[static_cast<size_t>(k)];
+    u[i] = scale_[static_cast<size_t>(k)] * v[k];
+    udot_[i] = scale_[static_cast<size_t>(k)] * a[k];
+  }
+  setPose(z);
+  return evaluate(udot_, r);
+}
+
+bool ReducedDynamics::calcStiffness(const VectorXd& z, const VectorXd& r0, Eigen::MatrixXd& K) {
+  K.resize(numFree(), numFree());
+  VectorXd shifted = z, r;
+  for (int k = 0; k < numFree(); ++k) {
+    double step = kDifference_m;
+    bool valid = false;
+    for (int attempt = 0; attempt < 2 && !valid; ++attempt, step = -step) {
+      shifted[k] = z[k] + step;
+      if (isValid(calcStaticForce(shifted, r))) {
+        K.col(k) = (r0 - r) / (shifted[k] - z[k]);
+        valid = true;
+      }
+    }
+    if (!valid) return false;
+    shifted[k] = z[k];
+  }
+  return true;
+}
+
+double ReducedDynamics::calcRestAcceleration(const VectorXd& r) {
+  const int n = numFree();
+  if (n == 0) return 0;
+  SimTK::Matrix M;
+  knee_.matter().calcM(state_, M);
+  Eigen::MatrixXd Mff(n, n);
+  VectorXd force(n);
+  for (int k = 0; k < n; ++k) {
+    force[k] = r[k] / scale_[static_cast<size_t>(k)];
+    for (int j = 0; j < n; ++j) Mff(k, j) = M(free_[static_cast<size_t>(k)], free_[static_cast<size_t>(j)]);
+  }
+  return Mff.ldlt().solve(force).cwiseAbs().maxCoeff();
+}
+
+std::array<double, 6> ReducedDynamics::calcHoldingForces() {
+  VectorXd r;
+  evaluate(zeroUDot_, r);
+  std::array<double, 6> forces{};
+  for (int i = 0; i < 6; ++i) forces[static_cast<size_t>(i)] = residual_[i];
+  return forces;
+}
+
+bool ReducedDynamics::hasContact() const {
+  for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
+    if (knee_.contact().getResult(state_, i).total.activeElements > 0) return true;
+  }
+  return false;
+}
+
+}  // namespace genu::model

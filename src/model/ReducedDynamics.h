@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+#include "genu/contact/ContactPair.h"
+#include "genu/model/KneeSystem.h"
+
+namespace genu::model {
+
+/** The free coordinates of a KneeSystem at a given time, scaled so that all have the unit of length: z_i = q_i for a
+ translation, kAngleLength_m q_i for an angle. Forces on them are r_i [N]: force, or moment / kAngleLength_m.
+ Prescribed coordinates are at their value of that time and at rest. */
+class ReducedDynamics {
+ public:
+  /** @throws InputError when the system has mobilities other than the joint's */
+  ReducedDynamics(const KneeSystem& knee, const SimTK::State& defaultState, double time_s);
+
+  int numFree() const { return static_cast<int>(free_.size()); }
+  const std::vector<int>& freeCoordinates() const { return free_; }
+  int findFree(int coordinate) const;  ///< position in z, -1 when prescribed
+  double time() const { return time_; }
+
+  contact::JointCoordinates coordinates(const Eigen::VectorXd& z) const;
+  Eigen::VectorXd scaled(const contact::JointCoordinates& q) const;
+
+  /** False: the contact result has no meaning there (full penetration, failed query). */
+  static bool isValid(contact::EvaluationStatus status) { return status <= contact::EvaluationStatus::extrapolated; }
+
+  /** Force on the free coordinates at rest. */
+  contact::EvaluationStatus calcStaticForce(const Eigen::VectorXd& z, Eigen::VectorXd& r);
+  /** Force minus inertia, r = f(z, v) - M a - bias(z, v): 0 for a motion that obeys the equations of motion. */
+  contact::EvaluationStatus calcDynamicResidual(const Eigen::VectorXd& z, const Eigen::VectorXd& v,
+                                                const Eigen::VectorXd& a, Eigen::VectorXd& r);
+  /** Stiffness K = -dr/dz at rest by forward differences of step kDifference_m; r0 is the force at z. Columns where
+   the shifted pose is not valid take the backward difference. @return false when neither is valid */
+  bool calcStiffness(const Eigen::VectorXd& z, const Eigen::VectorXd& r0, Eigen::MatrixXd& K);
+  static constexpr double kDifference_m = 1e-8;
+
+  /** Largest |acceleration| [m/s^2, rad/s^2] of the body released at rest, with force r on it; at the pose of the last
+   evaluation. */
+  double calcRestAcceleration(const Eigen::VectorXd& r);
+  /** Generalized forces that hold the coordinates at rest at the pose of the last evaluation: 0 for free ones in
+   equilibrium. [N, N m] */
+  std::array<double, 6> calcHoldingForces();
+
+  /** Sets the pose and returns the State, realized to Position. */
+  const SimTK::State& setPose(const Eigen::VectorXd& z);
+  bool hasContact() const;
+  const SimTK::State& state() const { return state_; }
+  const KneeSystem& knee() const { return knee_; }
+
+ private:
+  contact::EvaluationStatus evaluate(const SimTK::Vector& udot, Eigen::VectorXd& r);
+
+  const KneeSystem& knee_;
+  SimTK::State state_;
+  double time_;
+  std::vector<int> free_;
+  std::vector<double> scale_;  // q = scale z
+  SimTK::Vector residual_, zeroUDot_, udot_;
+};
+
+}  // namespace genu::model

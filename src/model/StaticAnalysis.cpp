@@ -1,0 +1,486 @@
+#include "StaticAnalysis.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <limits>
+#include <sstream>
+
+#include "Conversions.h"
+
+namespace genu::model {
+
+using contact::EvaluationStatus;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/** Largest move of one iteration or step: small against the surfaces' radii, so that no step jumps through a layer. */
+constexpr double kMaxMove_m = 0.5e-3;
+constexpr int kCoordinateY = 4;
+
+double infinityNorm(const VectorXd& v) { return v.size() ? v.cwiseAbs().maxCoeff() : 0.0; }
+
+const char* const kNoContactAdvice =
+    "check that the surfaces lie above each other in the fixed frame, that the grid covers them, the start pose and "
+    "the direction of the loads";
+const char* const kPenetrationAdvice =
+    "the layer is too thin or too soft for the load, or the pose pushes one body through the other; check units of "
+    "modulus, thickness and load, and the prescribed coordinates";
+
+/** Minimum-norm solution of K x = r: a direction without stiffness is left alone. */
+VectorXd solveStiffness(const MatrixXd& K, const VectorXd& r) {
+  Eigen::CompleteOrthogonalDecomposition<MatrixXd> solver(K.rows(), K.cols());
+  solver.setThreshold(1e-9);
+  return solver.compute(K).solve(r);
+}
+
+/** What an iteration ended with. */
+struct Outcome {
+  bool converged = false, interrupted = false, sawFullPenetration = false, touched = false;
+  int iterations = 0;
+  std::string reason;
+};
+
+class Settling {
+ public:
+  Settling(const KneeSystem& knee, const SimTK::State& defaultState, const scene::Scene& scene,
+           const scene::StaticSpec& settings, const scene::Progress& progress)
+      : scene_(scene), settings_(settings), progress_(progress), dynamics_(knee, defaultState, settings.time_s) {}
+
+  StaticResult run();
+
+ private:
+  using Method = scene::StaticSpec::Method;
+
+  bool mayContinue(double fraction) { return !progress_ || progress_(std::clamp(fraction, 0.0, 1.0)); }
+
+  VectorXd findStart();
+  void closeGap(VectorXd& z, int y);
+  double findGap(const VectorXd& z);
+  /** Lowest and highest y of the fixed and moving surfaces' boxes in F. */
+  struct Extent {
+    double fixedMin = kInfinity, fixedMax = -kInfinity, movingMin = kInfinity, movingMax = -kInfinity;
+  };
+  Extent findExtent(const VectorXd& z);
+
+  Outcome iterateNewton(VectorXd& z, VectorXd& r);
+  Outcome integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcceleration);
+  bool solveImplicitStep(const VectorXd& z0, const VectorXd& v0, double h, double damping, VectorXd& z1, VectorXd& v1,
+                         int& iterations, bool& sawFullPenetration);
+  void fillResult(const VectorXd& z, StaticResult& result);
+  std::string where() const { return scene_.file.string() + ": static analysis: "; }
+
+  const scene::Scene& scene_;
+  const scene::StaticSpec& settings_;
+  const scene::Progress& progress_;
+  ReducedDynamics dynamics_;
+};
+
+Settling::Extent Settling::findExtent(const VectorXd& z) {
+  const SimTK::State& state = dynamics_.setPose(z);
+  const KneeSystem& knee = dynamics_.knee();
+  const ArticularContactSubsystem& contact = knee.contact();
+  const SimTK::Transform X_GF =
+      knee.joint().getParentMobilizedBody().getBodyTransform(state) * knee.joint().getInboardFrame(state);
+  Extent extent;
+  const auto include = [&](const Eigen::AlignedBox3d& box, const SimTK::Transform& X_GB, double& low, double& high) {
+    for (int corner = 0; corner < 8; ++corner) {
+      const contact::Vec3 p = box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner));
+      const double y = (~X_GF * (X_GB * toSimTK(p)))[1];
+      low = std::min(low, y);
+      high = std::max(high, y);
+    }
+  };
+  for (int i = 0; i < contact.numContactPairs(); ++i) {
+    const ArticularContactSubsystem::Attachment& at = contact.attachment(i);
+    const SimTK::Transform X_GFixed = knee.matter().getMobilizedBody(at.fixed).getBodyTransform(state) * at.X_FixedF;
+    const SimTK::Transform X_GMoving = knee.matter().getMobilizedBody(at.moving).getBodyTransform(state) * at.X_MovingM;
+    for (const contact::CompartmentDefinition& part : contact.contactPair(i).definition().compartments) {
+      include(part.fixedSurface->boundingBox(), X_GFixed, extent.fixedMin, extent.fixedMax);
+      include(part.movingSurface->boundingBox(), X_GMoving, extent.movingMin, extent.movingMax);
+    }
+  }
+  return extent;
+}
+
+/** Smallest element distance of all pairs. */
+double Settling::findGap(const VectorXd& z) {
+  const SimTK::State& state = dynamics_.setPose(z);
+  double gap = kInfinity;
+  for (int i = 0; i < dynamics_.knee().contact().numContactPairs(); ++i) {
+    for (const auto& compartment : dynamics_.knee().contact().calcFields(state, i)) {
+      for (const contact::ElementField& element : compartment) gap = std::min(gap, element.distance_m);
+    }
+  }
+  return gap;
+}
+
+/** Lowers the moving body along y until it touches. A signed distance changes by at most the move, so moving by the
+ smallest one never overshoots; the last move presses one element in by 1 um. */
+void Settling::closeGap(VectorXd& z, int y) {
+  constexpr double kTouch_m = 1e-6;
+  const Extent extent = findExtent(z);
+  const double lowest = z[y] - (extent.movingMax - extent.fixedMin);  // entirely below the fixed surface
+  while (z[y] > lowest) {
+    const double gap = findGap(z);
+    if (gap == kInfinity) break;
+    z[y] -= std::max(gap, 0.0) + kTouch_m;
+    VectorXd r;
+    dynamics_.calcStaticForce(z, r);
+    if (dynamics_.hasContact()) return;
+  }
+  throw ComputationError(where() +
+                         "contact is never made: lowered from above, the moving body passes the fixed one "
+                         "without touching an element; " +
+                         kNoContactAdvice);
+}
+
+VectorXd Settling::findStart() {
+  contact::JointCoordinates q{};
+  bool yIsOpen = false;
+  for (int i : dynamics_.freeCoordinates()) {
+    const auto& spec = std::get<scene::FreeCoordinate>(scene_.model->coordinates[static_cast<size_t>(i)]);
+    q[static_cast<size_t>(i)] = spec.start.value_or(0.0);
+    if (i == kCoordinateY && !spec.start) yIsOpen = true;
+  }
+  VectorXd z = dynamics_.scaled(q);
+  const int y = dynamics_.findFree(kCoordinateY);
+  if (dynamics_.knee().contact().numContactPairs() == 0) return z;
+
+  VectorXd r;
+  const bool invalid = !yIsOpen && !ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r));
+  if (y < 0) {
+    if (invalid)
+      throw ComputationError(where() + "full penetration at the start, and y is prescribed; " + kPenetrationAdvice);
+    return z;
+  }
+  const bool separated = !yIsOpen && !invalid && !dynamics_.hasContact();
+  if (yIsOpen || invalid) {
+    const Extent extent = findExtent(z);
+    z[y] += extent.fixedMax - extent.movingMin;
+    closeGap(z, y);
+  } else if (separated && settings_.method != Method::implicitEuler) {
+    closeGap(z, y);
+  }
+  return z;
+}
+
+/** Pseudo-transient continuation [Kelley & Keyes, SIAM J. Numer. Anal. 35 (1998) 508]: lambda = 1/delta starts so that
+ the first move is about 0.1 mm and follows the residual down to 0, where the step is Newton's. */
+Outcome Settling::iterateNewton(VectorXd& z, VectorXd& r) {
+  constexpr int kMaxIterations = 300, kMaxRejections = 40;
+  constexpr double kFirstMove_m = 1e-4;
+  Outcome outcome;
+  const int n = dynamics_.numFree();
+  if (!ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r))) {
+    outcome.reason = "the start is not a valid pose";
+    return outcome;
+  }
+  const double firstNorm = infinityNorm(r);
+  double lambda = firstNorm / kFirstMove_m;
+  int rejections = 0;
+  MatrixXd K;
+  while (true) {
+    const double norm = infinityNorm(r);
+    if (norm <= settings_.maxResidual_N) {
+      outcome.converged = true;
+      return outcome;
+    }
+    if (outcome.iterations >= kMaxIterations || rejections >= kMaxRejections) {
+      outcome.reason = "the residual stayed at " + std::to_string(norm) + " N";
+      return outcome;
+    }
+    if (!mayContinue(std::log(norm / firstNorm) / std::log(settings_.maxResidual_N / firstNorm))) {
+      outcome.interrupted = true;
+      return outcome;
+    }
+    if (!dynamics_.calcStiffness(z, r, K)) {
+      outcome.reason = "no valid pose around the iterate";
+      return outcome;
+    }
+    ++outcome.iterations;
+    for (bool accepted = false; !accepted && rejections < kMaxRejections;) {
+      VectorXd move = solveStiffness(K + lambda * MatrixXd::Identity(n, n), r);
+      const double size = infinityNorm(move);
+      if (!(size < kInfinity)) {
+        outcome.reason = "the stiffness is singular";
+        return outcome;
+      }
+      if (size > kMaxMove_m) move *= kMaxMove_m / size;
+      VectorXd rNew;
+      const EvaluationStatus status = dynamics_.calcStaticForce(z + move, rNew);
+      outcome.sawFullPenetration |= status == EvaluationStatus::fullPenetration;
+      const double ratio = infinityNorm(rNew) / norm;
+      if (!ReducedDynamics::isValid(status) || ratio > 10) {
+        ++rejections;
+        lambda = std::max(8 * lambda, norm / kMaxMove_m);
+        continue;
+      }
+      accepted = true;
+      outcome.touched |= dynamics_.hasContact();
+      z += move;
+      r = rNew;
+      lambda *= std::clamp(0.7 * ratio, 0.02, 3.0);
+      if (infinityNorm(r) < 1e-3 * firstNorm) lambda *= 0.1;
+    }
+  }
+}
+
+/** Solves the step for z1: f(z1, v1) - M (v1 - v0)/h - bias - c v1 = 0 with v1 = (z1 - z0)/h, by Newton with a
+ finite-difference Jacobian. */
+bool Settling::solveImplicitStep(const VectorXd& z0, const VectorXd& v0, double h, double damping, VectorXd& z1,
+                                 VectorXd& v1, int& iterations, bool& sawFullPenetration) {
+  constexpr int kMaxIterations = 12;
+  const int n = dynamics_.numFree();
+  const auto residual = [&](const VectorXd& z, VectorXd& g) {
+    const VectorXd v = (z - z0) / h;
+    const EvaluationStatus status = dynamics_.calcDynamicResidual(z, v, (v - v0) / h, g);
+    sawFullPenetration |= status == EvaluationStatus::fullPenetration;
+    g -= damping * v;
+    return ReducedDynamics::isValid(status);
+  };
+  z1 = z0;
+  VectorXd g, gShifted;
+  MatrixXd J(n, n);
+  if (!residual(z1, g)) return false;
+  for (iterations = 0; iterations < kMaxIterations; ++iterations) {
+    VectorXd shifted = z1;
+    for (int k = 0; k < n; ++k) {
+      shifted[k] = z1[k] + ReducedDynamics::kDifference_m;
+      if (!residual(shifted, gShifted)) return false;
+      J.col(k) = (gShifted - g) / (shifted[k] - z1[k]);
+      shifted[k] = z1[k];
+    }
+    VectorXd move = J.partialPivLu().solve(-g);
+    const double size = infinityNorm(move);
+    if (!(size < kInfinity)) return false;
+    if (size > 2 * kMaxMove_m) move *= 2 * kMaxMove_m / size;
+    bool accepted = false;
+    for (int halving = 0; halving < 6 && !accepted; ++halving, move *= 0.5) {
+      VectorXd candidate = z1 + move;
+      if (!residual(candidate, gShifted)) continue;
+      accepted = true;
+      z1 = candidate;
+      g = gShifted;
+      if (infinityNorm(move) < 1e-12 || infinityNorm(g) < 0.1 * settings_.maxResidual_N) {
+        v1 = (z1 - z0) / h;
+        return true;
+      }
+    }
+    if (!accepted) return false;
+  }
+  return false;
+}
+
+/** [BF2004 §3.1]: dynamic simulation with large damping. The acceleration that ends it is that of the body released at
+ rest without the damping: near the end of a heavily damped motion the momentary one is small long before the forces
+ balance. */
+Outcome Settling::integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcceleration) {
+  constexpr double kFirstStep_s = 1e-3, kSmallestStep_s = 1e-10, kSpeed_mPerS = 0.1;
+  constexpr int kMaxSteps = 2000;
+  Outcome outcome;
+  if (!ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r))) {
+    outcome.reason = "the start is not a valid pose";
+    return outcome;
+  }
+  // Chosen so that the starting force alone moves the body at 0.1 m/s.
+  const double damping =
+      settings_.damping_NsPerM > 0 ? settings_.damping_NsPerM : std::max(infinityNorm(r), 1.0) / kSpeed_mPerS;
+  const VectorXd start = z;
+  VectorXd v = VectorXd::Zero(z.size()), z1, v1;
+  double time = 0, h = kFirstStep_s;
+  double firstAcceleration = 0;
+  while (true) {
+    if (!ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r))) {
+      outcome.reason = "an accepted pose is not valid";
+      return outcome;
+    }
+    outcome.touched |= dynamics_.hasContact();
+    const double acceleration = dynamics_.calcRestAcceleration(r);
+    if (outcome.iterations == 0) firstAcceleration = std::max(acceleration, 2 * maxAcceleration);
+    if (acceleration <= maxAcceleration) {
+      outcome.converged = true;
+      return outcome;
+    }
+    if (!mayContinue(std::log(acceleration / firstAcceleration) / std::log(maxAcceleration / firstAcceleration))) {
+      outcome.interrupted = true;
+      return outcome;
+    }
+    if (!dynamics_.hasContact() && infinityNorm(z - start) > 0.2) {
+      outcome.reason = "the bodies moved 200 mm without contact";
+      return outcome;
+    }
+    if (time > settings_.maxTime_s || outcome.iterations >= kMaxSteps || h < kSmallestStep_s) {
+      std::ostringstream text;
+      text << "after " << time << " s of simulated time the acceleration is " << acceleration;
+      outcome.reason = text.str();
+      return outcome;
+    }
+    int iterations = 0;
+    if (!solveImplicitStep(z, v, h, damping, z1, v1, iterations, outcome.sawFullPenetration)) {
+      h /= 4;
+      continue;
+    }
+    const double move = infinityNorm(z1 - z);
+    if (move > 2 * kMaxMove_m) {
+      h *= std::max(0.25, kMaxMove_m / move);
+      continue;
+    }
+    z = z1;
+    v = v1;
+    time += h;
+    ++outcome.iterations;
+    if (iterations <= 5) h *= 1.5;
+  }
+}
+
+void Settling::fillResult(const VectorXd& z, StaticResult& result) {
+  VectorXd r;
+  dynamics_.calcStaticForce(z, r);
+  result.q = dynamics_.coordinates(z);
+  result.residual_N = infinityNorm(r);
+  result.maxAcceleration = dynamics_.calcRestAcceleration(r);
+  result.constraintForce = dynamics_.calcHoldingForces();
+  for (int i : dynamics_.freeCoordinates()) result.constraintForce[static_cast<size_t>(i)] = 0;
+  result.contacts.clear();
+  const ArticularContactSubsystem& contact = dynamics_.knee().contact();
+  for (int i = 0; i < contact.numContactPairs(); ++i) {
+    result.contacts.push_back(contact.getResultWithEnergy(dynamics_.state(), i));
+  }
+}
+
+StaticResult Settling::run() {
+  StaticResult result;
+  result.time_s = settings_.time_s;
+  const VectorXd start = findStart();
+  VectorXd z = start, r;
+  Outcome outcome;
+
+  if (settings_.method == Method::implicitEuler) {
+    result.method = "implicit Euler";
+    outcome = integrateImplicitEuler(z, r, settings_.maxAcceleration_mPerS2);
+    result.iterations = outcome.iterations;
+  } else {
+    result.method = "newton";
+    outcome = iterateNewton(z, r);
+    result.iterations = outcome.iterations;
+    if (!outcome.converged && !outcome.interrupted) {
+      result.method = "newton after implicit Euler";
+      z = start;
+      Outcome coarse = integrateImplicitEuler(z, r, std::max(100 * settings_.maxAcceleration_mPerS2, 0.1));
+      result.iterations += coarse.iterations;
+      const Outcome first = outcome;
+      if (coarse.converged) {
+        outcome = iterateNewton(z, r);
+        result.iterations += outcome.iterations;
+      } else {
+        outcome = coarse;
+      }
+      outcome.sawFullPenetration |= first.sawFullPenetration || coarse.sawFullPenetration;
+      outcome.touched |= first.touched || coarse.touched;
+    }
+    if (outcome.converged && settings_.method == Method::both) {
+      VectorXd zEuler = start;
+      const Outcome euler = integrateImplicitEuler(zEuler, r, settings_.maxAcceleration_mPerS2);
+      result.iterations += euler.iterations;
+      outcome.interrupted = euler.interrupted;
+      if (euler.converged) {
+        result.methodDifference_m = infinityNorm(zEuler - z);
+      } else {
+        outcome.converged = false;
+        outcome.reason = "newton found an equilibrium, implicit Euler did not: " + euler.reason;
+      }
+    }
+  }
+  fillResult(z, result);
+  const bool touching = dynamics_.hasContact();
+  const ArticularContactSubsystem::Counters& counters = dynamics_.knee().contact().getCounters(dynamics_.state());
+  result.contactEvaluations = counters.evaluations;
+  result.distanceQueries = counters.distanceQueries;
+
+  if (outcome.interrupted) {
+    result.status = StaticResult::Status::interrupted;
+    result.statusText = "interrupted";
+    return result;
+  }
+  const bool hasPairs = dynamics_.knee().contact().numContactPairs() > 0;
+  if (hasPairs && !touching) {
+    throw ComputationError(
+        where() + (outcome.touched ? "contact is lost: the loads drive the bodies apart" : "contact is never made") +
+        (outcome.reason.empty() ? std::string() : " (" + outcome.reason + ")") + "; " + kNoContactAdvice);
+  }
+  if (!outcome.converged && outcome.sawFullPenetration) {
+    throw ComputationError(where() + "full penetration before the forces balance; " + kPenetrationAdvice);
+  }
+  if (outcome.converged) {
+    result.status = StaticResult::Status::converged;
+    result.statusText = "converged";
+    for (const contact::ContactResult& contact : result.contacts) {
+      if (contact.status == EvaluationStatus::extrapolated) {
+        result.statusText = "converged; some elements are beyond the range of the pressure law (d/h > 0.95)";
+      }
+    }
+  } else {
+    result.statusText = "no equilibrium found: " + outcome.reason +
+                        "; check that the loads press the bodies together and that every free coordinate is held by "
+                        "contact or a spring, or try another start";
+  }
+  return result;
+}
+
+}  // namespace
+
+contact::JointCoordinates calcEquilibriumRates(const KneeSystem& knee, const SimTK::State& defaultState,
+                                               const contact::JointCoordinates& q, double time_s) {
+  // Moves of the order of the stiffness differences at gait speeds, far above the force's rounding.
+  constexpr double kTimeStep_s = 1e-6;
+  ReducedDynamics now(knee, defaultState, time_s), later(knee, defaultState, time_s + kTimeStep_s);
+  const VectorXd z = now.scaled(q);
+  VectorXd r0, r1;
+  MatrixXd K;
+  contact::JointCoordinates rates{};
+  if (now.numFree() == 0 || !ReducedDynamics::isValid(now.calcStaticForce(z, r0)) || !now.calcStiffness(z, r0, K) ||
+      !ReducedDynamics::isValid(later.calcStaticForce(z, r1))) {
+    return rates;
+  }
+  const contact::JointCoordinates values = now.coordinates(solveStiffness(K, (r1 - r0) / kTimeStep_s));
+  for (int i : now.freeCoordinates()) rates[static_cast<size_t>(i)] = values[static_cast<size_t>(i)];
+  return rates;
+}
+
+double cpuTime_s() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+StaticResult settle(const KneeSystem& knee, const SimTK::State& defaultState, const scene::Scene& scene,
+                    const scene::StaticSpec& settings, const scene::Progress& progress) {
+  const auto wallStart = std::chrono::steady_clock::now();
+  const double cpuStart = cpuTime_s();
+  knee.checkTablesCover(settings.time_s, settings.time_s);
+  StaticResult result = Settling(knee, defaultState, scene, settings, progress).run();
+  result.wallTime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wallStart).count();
+  result.cpuTime_s = cpuTime_s() - cpuStart;
+  return result;
+}
+
+StaticResult runStatic(KneeSystem& knee, const scene::Scene& scene, const scene::Progress& progress) {
+  const SimTK::State& state = knee.system().realizeTopology();
+  SimTK::State modelState = state;
+  knee.system().realizeModel(modelState);
+  return settle(knee, modelState, scene, scene.staticAnalysis.value_or(scene::StaticSpec{}), progress);
+}
+
+StaticResult runStatic(const scene::Scene& scene, const scene::Progress& progress) {
+  KneeSystem knee(scene);
+  return runStatic(knee, scene, progress);
+}
+
+}  // namespace genu::model

@@ -1,0 +1,181 @@
+#include "genu/report/ContactReport.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+namespace genu::report {
+using contact::ContactResult;
+using contact::EvaluationStatus;
+using contact::NetLoad;
+using contact::Vec3;
+using nlohmann::ordered_json;
+
+namespace {
+
+ordered_json toJson(const Vec3& v) { return ordered_json::array({v.x() + 0.0, v.y() + 0.0, v.z() + 0.0}); }
+
+std::string joinNames(const std::vector<std::string>& names) { return fmt::format("{}", fmt::join(names, ", ")); }
+
+}  // namespace
+
+std::vector<std::string> listCompartmentNames(const scene::Scene& scene) {
+  std::vector<std::string> names;
+  for (const auto& pair : scene.contacts) {
+    for (const auto& compartment : pair.definition.compartments) {
+      names.push_back(scene.contacts.size() > 1 ? pair.name + "." + compartment.name : compartment.name);
+    }
+  }
+  return names;
+}
+
+std::vector<NamedLoad> listLoads(const scene::Scene& scene, const std::vector<ContactResult>& results) {
+  const std::vector<std::string> names = listCompartmentNames(scene);
+  std::vector<NamedLoad> loads;
+  for (const auto& result : results) {
+    for (const auto& load : result.compartments) loads.push_back({names.at(loads.size()), load});
+  }
+  return loads;
+}
+
+NetLoad sumLoads(const std::vector<ContactResult>& results) {
+  if (results.size() == 1) return results.front().total;
+  NetLoad sum;
+  for (const auto& result : results) {
+    const NetLoad& load = result.total;
+    sum.forceOnM_F += load.forceOnM_F;
+    sum.momentOnM_Fo_F += load.momentOnM_Fo_F;
+    sum.scalarForce_N += load.scalarForce_N;
+    if (load.peakPressure_Pa > sum.peakPressure_Pa) {
+      sum.peakPressure_Pa = load.peakPressure_Pa;
+      sum.peakPoint_F = load.peakPoint_F;
+    }
+    sum.area_m2 += load.area_m2;
+    sum.centerOfPressure_F += load.scalarForce_N * load.centerOfPressure_F;
+    sum.energy_J += load.energy_J;
+    sum.maxStrain = std::max(sum.maxStrain, load.maxStrain);
+    sum.activeElements += load.activeElements;
+    sum.extrapolatedElements += load.extrapolatedElements;
+    sum.fullPenetrationElements += load.fullPenetrationElements;
+    sum.notConvergedQueries += load.notConvergedQueries;
+    sum.boundaryElements += load.boundaryElements;
+  }
+  if (sum.area_m2 > 0) sum.meanPressure_Pa = sum.scalarForce_N / sum.area_m2;
+  if (sum.scalarForce_N > 0) sum.centerOfPressure_F /= sum.scalarForce_N;
+  return sum;
+}
+
+bool sharesFixedBody(const scene::Scene& scene) {
+  return std::all_of(scene.contacts.begin(), scene.contacts.end(), [&](const scene::ContactSpec& pair) {
+    return pair.fixedBody == scene.contacts.front().fixedBody;
+  });
+}
+
+EvaluationStatus worstStatus(const std::vector<ContactResult>& results) {
+  EvaluationStatus worst = EvaluationStatus::ok;
+  for (const auto& result : results) worst = std::max(worst, result.status);
+  return worst;
+}
+
+bool hasNumbers(EvaluationStatus status) {
+  return status == EvaluationStatus::ok || status == EvaluationStatus::extrapolated;
+}
+
+std::string describeStatus(const scene::Scene& scene, const std::vector<ContactResult>& results) {
+  const EvaluationStatus status = worstStatus(results);
+  std::vector<std::string> where;
+  int count = 0;
+  for (const auto& [name, load] : listLoads(scene, results)) {
+    const int elements = status == EvaluationStatus::extrapolated      ? load.extrapolatedElements
+                         : status == EvaluationStatus::fullPenetration ? load.fullPenetrationElements
+                         : status == EvaluationStatus::notConverged    ? load.notConvergedQueries
+                                                                       : 0;
+    if (elements > 0) where.push_back(name);
+    count += elements;
+  }
+  const std::string place = where.empty() ? "" : fmt::format(" in {}", joinNames(where));
+  switch (status) {
+    case EvaluationStatus::ok: {
+      const int active = sumLoads(results).activeElements;
+      return active > 0 ? fmt::format("contact, {} active elements", active) : "no contact";
+    }
+    case EvaluationStatus::extrapolated:
+      return fmt::format(
+          "{} elements{} are pressed beyond 95 % of the layer thickness; their pressure follows the tangent of the law "
+          "there and is only indicative",
+          count, place);
+    case EvaluationStatus::fullPenetration:
+      return fmt::format(
+          "full penetration: {} elements{} are pressed to their whole thickness or meet a surface that faces away, so "
+          "pressure has no meaning; check the pose, the units of the surfaces, the direction of their normals and the "
+          "layer thickness",
+          count, place);
+    case EvaluationStatus::notConverged:
+      return fmt::format(
+          "not converged: {} closest-point queries{} failed, so there is no result; check the surfaces for folds, "
+          "repeated control points and extreme weights",
+          count, place);
+  }
+  return contact::toString(status);
+}
+
+ordered_json toJson(const NetLoad& load, bool withVectors) {
+  ordered_json json;
+  if (withVectors) {
+    json["force_on_moving_N"] = toJson(load.forceOnM_F);
+    json["moment_on_moving_about_fixed_origin_Nm"] = toJson(load.momentOnM_Fo_F);
+    json["force_on_fixed_N"] = toJson(load.forceOnF_F());
+  }
+  json["scalar_force_N"] = load.scalarForce_N;
+  json["peak_pressure_Pa"] = load.peakPressure_Pa;
+  json["mean_pressure_Pa"] = load.meanPressure_Pa;
+  json["area_m2"] = load.area_m2;
+  json["active_elements"] = load.activeElements;
+  if (withVectors) {
+    json["center_of_pressure_m"] = toJson(load.centerOfPressure_F);
+    json["peak_point_m"] = toJson(load.peakPoint_F);
+  }
+  json["energy_J"] = load.energy_J;
+  json["max_strain"] = load.maxStrain;
+  json["extrapolated_elements"] = load.extrapolatedElements;
+  json["boundary_elements"] = load.boundaryElements;
+  return json;
+}
+
+ordered_json toJson(const scene::Scene& scene, const std::vector<ContactResult>& results) {
+  const EvaluationStatus status = worstStatus(results);
+  ordered_json json;
+  json["status"] = contact::toString(status);
+  json["status_text"] = describeStatus(scene, results);
+  if (!hasNumbers(status)) return json;
+  json["compartments"] = ordered_json::object();
+  for (const auto& [name, load] : listLoads(scene, results)) json["compartments"][name] = toJson(load);
+  json["total"] = toJson(sumLoads(results), sharesFixedBody(scene));
+  return json;
+}
+
+std::string formatTable(const scene::Scene& scene, const std::vector<ContactResult>& results) {
+  std::vector<NamedLoad> rows = listLoads(scene, results);
+  const NetLoad total = sumLoads(results);
+  const bool withTotal = rows.size() > 1 && sharesFixedBody(scene);
+  if (withTotal) rows.push_back({"total", total});
+  size_t width = 11;
+  for (const auto& row : rows) width = std::max(width, row.name.size());
+
+  std::string text = fmt::format("{:<{}}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}\n", "", width, "force", "|force|",
+                                 "|torque|", "peak", "mean", "area", "elements");
+  text += fmt::format("{:<{}}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}\n", "compartment", width, "N", "N", "N m",
+                      "MPa", "MPa", "mm^2", "");
+  for (const auto& [name, load] : rows) {
+    text += fmt::format("{:<{}}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>8}\n", name, width,
+                        load.scalarForce_N, load.forceOnM_F.norm(), load.momentOnM_Fo_F.norm(),
+                        load.peakPressure_Pa * 1e-6, load.meanPressure_Pa * 1e-6, load.area_m2 * 1e6,
+                        load.activeElements);
+  }
+  text += "force: sum of pressure times area; |force|, |torque|: of the resultant, torque about the fixed origin\n";
+  return text;
+}
+
+}  // namespace genu::report

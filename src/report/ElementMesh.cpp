@@ -1,0 +1,188 @@
+#include "genu/report/ElementMesh.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "genu/scene/Scene.h"
+
+namespace genu::report {
+namespace fs = std::filesystem;
+using contact::CompartmentDefinition;
+using contact::ElementField;
+using contact::Vec3;
+
+namespace {
+
+/** Shared corners of one compartment: index of the point at grid corner (i, k), heights averaged over elements. */
+void appendCompartment(const CompartmentDefinition& compartment, const std::vector<ElementField>& elements,
+                       VtkMesh& mesh) {
+  const int cornersZ = compartment.nz + 1;
+  const auto corner = [&](int i, int k) { return static_cast<size_t>(i) * cornersZ + k; };
+  const size_t numCorners = corner(compartment.nx, compartment.nz) + 1;
+  const double dx = (compartment.x1_m - compartment.x0_m) / compartment.nx;
+  const double dz = (compartment.z1_m - compartment.z0_m) / compartment.nz;
+  std::vector<double> height(numCorners, 0.0);
+  std::vector<int> count(numCorners, 0);
+  for (const auto& e : elements) {
+    for (int i = 0; i < 2; ++i) {
+      for (int k = 0; k < 2; ++k) {
+        const double x = compartment.x0_m + (e.ix + i) * dx, z = compartment.z0_m + (e.iz + k) * dz;
+        const size_t at = corner(e.ix + i, e.iz + k);
+        height[at] += e.p_FA.y() -
+                      (e.normal_F.x() * (x - e.p_FA.x()) + e.normal_F.z() * (z - e.p_FA.z())) / e.normal_F.y();
+        ++count[at];
+      }
+    }
+  }
+  std::vector<std::int32_t> index(numCorners, -1);
+  for (int i = 0; i <= compartment.nx; ++i) {
+    for (int k = 0; k <= compartment.nz; ++k) {
+      const size_t at = corner(i, k);
+      if (count[at] == 0) continue;
+      index[at] = static_cast<std::int32_t>(mesh.numPoints());
+      mesh.points.insert(mesh.points.end(), {compartment.x0_m + i * dx, height[at] / count[at], compartment.z0_m + k * dz});
+    }
+  }
+  for (const auto& e : elements) {
+    // Counter-clockwise seen from +y: the face normal is the outward normal of the surface.
+    for (const auto& [i, k] : {std::pair{0, 0}, {0, 1}, {1, 1}, {1, 0}}) {
+      mesh.connectivity.push_back(index[corner(e.ix + i, e.iz + k)]);
+    }
+  }
+}
+
+template <class T, class Getter>
+VtkArray makeArray(const std::string& name, int components, const std::vector<std::vector<ElementField>>& fields,
+                   Getter getter) {
+  std::vector<T> values;
+  for (size_t c = 0; c < fields.size(); ++c) {
+    for (const auto& e : fields[c]) {
+      if constexpr (std::is_same_v<std::decay_t<decltype(getter(e, c))>, Vec3>) {
+        const Vec3 v = getter(e, c);
+        values.insert(values.end(), {static_cast<T>(v.x()), static_cast<T>(v.y()), static_cast<T>(v.z())});
+      } else {
+        values.push_back(static_cast<T>(getter(e, c)));
+      }
+    }
+  }
+  return {name, components, std::move(values)};
+}
+
+template <class Real>
+void addCellData(const std::vector<std::vector<ElementField>>& fields, bool full, VtkMesh& mesh) {
+  auto& data = mesh.cellData;
+  data.push_back(makeArray<Real>("pressure_Pa", 1, fields, [](const ElementField& e, size_t) { return e.p_Pa; }));
+  data.push_back(makeArray<Real>("penetration_m", 1, fields, [](const ElementField& e, size_t) { return e.d_m; }));
+  data.push_back(makeArray<Real>("thickness_m", 1, fields, [](const ElementField& e, size_t) { return e.h_m; }));
+  data.push_back(makeArray<Real>("distance_m", 1, fields, [](const ElementField& e, size_t) { return e.distance_m; }));
+  data.push_back(makeArray<Real>("area_m2", 1, fields, [](const ElementField& e, size_t) { return e.area_m2; }));
+  data.push_back(makeArray<std::uint8_t>("contact", 1, fields, [](const ElementField& e, size_t) { return e.active ? 1 : 0; }));
+  data.push_back(makeArray<std::uint8_t>("compartment", 1, fields, [](const ElementField&, size_t c) { return static_cast<int>(c); }));
+  data.push_back(makeArray<std::int32_t>("ix", 1, fields, [](const ElementField& e, size_t) { return e.ix; }));
+  data.push_back(makeArray<std::int32_t>("iz", 1, fields, [](const ElementField& e, size_t) { return e.iz; }));
+  if (!full) return;
+  data.push_back(makeArray<Real>("center_m", 3, fields, [](const ElementField& e, size_t) -> Vec3 { return e.p_FA; }));
+  data.push_back(makeArray<Real>("normal", 3, fields, [](const ElementField& e, size_t) -> Vec3 { return e.normal_F; }));
+  data.push_back(makeArray<Real>("force_direction", 3, fields,
+                                 [](const ElementField& e, size_t) -> Vec3 { return e.forceDirection_F; }));
+}
+
+}  // namespace
+
+VtkMesh makeElementMesh(const contact::ContactPairDefinition& definition,
+                        const std::vector<std::vector<ElementField>>& fields, Precision precision) {
+  VtkMesh mesh;
+  for (size_t c = 0; c < fields.size(); ++c) appendCompartment(definition.compartments.at(c), fields[c], mesh);
+  if (precision == Precision::full) {
+    addCellData<double>(fields, true, mesh);
+  } else {
+    addCellData<float>(fields, false, mesh);
+  }
+  return mesh;
+}
+
+void writeElementCsv(const fs::path& file, const contact::ContactPairDefinition& definition,
+                     const std::vector<std::vector<ElementField>>& fields) {
+  fs::path temporary = file;
+  temporary += ".part";
+  std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
+  out << "compartment,ix,iz,x_m,y_m,z_m,normal_x,normal_y,normal_z,area_m2,distance_m,penetration_m,thickness_m,"
+         "pressure_Pa,direction_x,direction_y,direction_z,contact\n";
+  fmt::memory_buffer buffer;
+  const auto flush = [&] {
+    out.write(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    buffer.clear();
+  };
+  for (size_t c = 0; c < fields.size(); ++c) {
+    for (const auto& e : fields[c]) {
+      fmt::format_to(std::back_inserter(buffer), "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
+                     definition.compartments.at(c).name, e.ix, e.iz, e.p_FA.x(), e.p_FA.y(), e.p_FA.z(), e.normal_F.x(),
+                     e.normal_F.y(), e.normal_F.z(), e.area_m2, e.distance_m, e.d_m, e.h_m, e.p_Pa,
+                     e.forceDirection_F.x(), e.forceDirection_F.y(), e.forceDirection_F.z(), e.active ? 1 : 0);
+      if (buffer.size() > 60000) flush();
+    }
+  }
+  flush();
+  out.close();
+  if (!out) {
+    const std::string reason = std::strerror(errno);
+    std::error_code ignored;
+    fs::remove(temporary, ignored);
+    throw InputError("\"" + file.string() + "\": cannot be written: " + reason);
+  }
+  fs::rename(temporary, file);
+}
+
+VtkMesh tessellate(const std::vector<const contact::ContactSurface*>& surfaces, const contact::Pose& X_AB,
+                   int minSamples) {
+  VtkMesh mesh;
+  mesh.cornersPerCell = 3;
+  std::vector<float> normals;
+  const auto sample = [minSamples](const std::vector<double>& breaks) {
+    const int spans = static_cast<int>(breaks.size()) - 1;
+    const int splits = std::max(1, (minSamples + spans - 1) / spans);
+    std::vector<double> values;
+    for (size_t i = 0; i + 1 < breaks.size(); ++i) {
+      for (int s = 0; s < splits; ++s) values.push_back(breaks[i] + (breaks[i + 1] - breaks[i]) * s / splits);
+    }
+    values.push_back(breaks.back());
+    return values;
+  };
+  for (const auto* surface : surfaces) {
+    for (int p = 0; p < surface->numPatches(); ++p) {
+      const auto& patch = surface->patch(p);
+      const std::vector<double> us = sample(patch.breaksU()), vs = sample(patch.breaksV());
+      const auto base = static_cast<std::int32_t>(mesh.numPoints());
+      for (double u : us) {
+        for (double v : vs) {
+          const Vec3 point = X_AB.apply(patch.calcPoint(u, v));
+          const Vec3 normal = X_AB.R * patch.calcNormal(u, v);
+          mesh.points.insert(mesh.points.end(), {point.x(), point.y(), point.z()});
+          for (int axis = 0; axis < 3; ++axis) normals.push_back(static_cast<float>(normal[axis]));
+        }
+      }
+      const auto numV = static_cast<std::int32_t>(vs.size());
+      const bool turned = patch.normalSign() < 0;
+      for (std::int32_t i = 0; i + 1 < static_cast<std::int32_t>(us.size()); ++i) {
+        for (std::int32_t j = 0; j + 1 < numV; ++j) {
+          const std::int32_t a = base + i * numV + j, b = a + numV;
+          if (turned) {
+            mesh.connectivity.insert(mesh.connectivity.end(), {a, a + 1, b + 1, a, b + 1, b});
+          } else {
+            mesh.connectivity.insert(mesh.connectivity.end(), {a, b, b + 1, a, b + 1, a + 1});
+          }
+        }
+      }
+    }
+  }
+  mesh.pointData.push_back({"Normals", 3, std::move(normals)});
+  return mesh;
+}
+
+}  // namespace genu::report

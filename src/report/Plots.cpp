@@ -1,0 +1,322 @@
+#include "Plots.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "genu/io/Files.h"
+#include "genu/report/ContactReport.h"
+
+namespace genu::report {
+using contact::NetLoad;
+using scene::Frame;
+
+namespace {
+
+// Okabe & Ito, "Color universal design" (2008): told apart with any colour vision.
+constexpr std::array<const char*, 6> kColors = {"#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"};
+
+constexpr const char* kCommon =
+    "set encoding utf8\n"
+    "set border lw 1.2 lc rgb '#404040'\n"
+    "set tics textcolor rgb '#202020'\n"
+    "set grid lw 1 lt 1 lc rgb '#dddddd'\n";
+
+/** A single-quoted gnuplot string; control characters cannot end it. */
+std::string quote(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text) {
+    if (c == '\'') out += "''";
+    else out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  }
+  return out + "'";
+}
+
+constexpr std::array<const char*, 6> kCoordinateTitles = {"varus-valgus rx",       "internal-external ry",
+                                                          "flexion-extension rz",  "anterior-posterior x",
+                                                          "superior-inferior y",   "medial-lateral z"};
+
+struct Curve {
+  std::string title;
+  int column;  ///< in the data file, from 1
+  const char* color;
+  int dash = 1;
+};
+
+struct Panel {
+  std::string label;  ///< of the vertical axis
+  std::vector<Curve> curves;
+  bool fromZero = false;
+};
+
+/** Panels above each other over a common time axis. */
+std::string makeTimeScript(const std::string& name, const std::vector<Panel>& panels, double tEnd_s,
+                           const std::string& referenceFile = {}, const std::vector<int>& referenceColumns = {}) {
+  const int count = static_cast<int>(panels.size());
+  const int height = 130 + 300 * count;
+  std::string script = fmt::format(
+      "# Draw again with: gnuplot {0}.gp\n"
+      "set terminal pngcairo size 1100,{1} font 'DejaVu Sans,14' background rgb 'white' noenhanced\n"
+      "set output '{0}.png'\n{2}"
+      "set datafile missing 'nan'\n"
+      "set xrange [0:{3}]\n"
+      "set multiplot\n",
+      name, height, kCommon, tEnd_s);
+  const double bottom = 75.0 / height, top = 1 - 25.0 / height, gap = 24.0 / height;
+  const double panelHeight = (top - bottom - gap * (count - 1)) / count;
+  for (int i = 0; i < count; ++i) {
+    const Panel& panel = panels[static_cast<size_t>(i)];
+    const double high = top - i * (panelHeight + gap);
+    script += fmt::format(
+        "\nset lmargin at screen 0.105\nset rmargin at screen 0.80\nset tmargin at screen {:.5f}\nset bmargin at screen "
+        "{:.5f}\nset ylabel {} offset 0.5\nset key at screen 0.815, screen {:.5f} left center vertical Left reverse samplen "
+        "2.5 spacing 1.3\n",
+        high, high - panelHeight, quote(panel.label), high - panelHeight / 2);
+    script += i + 1 < count ? "set format x ''\nunset xlabel\n" : "set format x '%g'\nset xlabel 'time (s)'\n";
+    script += panel.fromZero ? "set yrange [0:*]\nset offsets 0, 0, graph 0.05, 0\n"
+                             : "set yrange [*:*]\nset offsets 0, 0, graph 0.05, graph 0.05\n";
+    script += "plot ";
+    for (size_t c = 0; c < panel.curves.size(); ++c) {
+      const Curve& curve = panel.curves[c];
+      script += fmt::format("{}'{}.dat' using 1:{} with lines lw 2.5 dt {} lc rgb '{}' title {}", c == 0 ? "" : ", \\\n     ",
+                            name, curve.column, curve.dash, curve.color, quote(curve.title));
+    }
+    const int reference = referenceColumns.empty() ? 0 : referenceColumns[static_cast<size_t>(i)];
+    if (reference > 0) {
+      script += fmt::format(", \\\n     '{}' using 1:{} with lines lw 2.5 dt 2 lc rgb '#333333' title 'reference'",
+                            referenceFile, reference);
+    }
+    script += "\n";
+  }
+  return script + "\nunset multiplot\n";
+}
+
+void writePlot(OutputFolder& out, const std::string& name, const std::string& data, const std::string& script) {
+  io::writeFileAtomically(out.file("plots/" + name + ".dat"), data);
+  io::writeFileAtomically(out.file("plots/" + name + ".gp"), script);
+}
+
+/** One line per frame: time and `values(load)` of every compartment, then of their sum. */
+template <class Values>
+std::string makeLoadData(const scene::Scene& scene, const std::vector<Frame>& frames, const std::string& header,
+                         Values values) {
+  std::string data = "# " + header + "\n";
+  for (const auto& frame : frames) {
+    data += fmt::format("{}", frame.time_s);
+    for (const auto& row : listLoads(scene, frame.contacts)) {
+      for (const double value : values(row.load)) data += fmt::format(" {:.9g}", value);
+    }
+    for (const double value : values(sumLoads(frame.contacts))) data += fmt::format(" {:.9g}", value);
+    data += "\n";
+  }
+  return data;
+}
+
+double calcTimeRange(const std::vector<Frame>& frames) { return std::max(frames.back().time_s, 1e-9); }
+
+}  // namespace
+
+std::string writeMotionPlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory,
+                            const RunInfo& info) {
+  std::vector<int> shown;
+  for (int i = 0; i < 6; ++i) {
+    if (!scene.model || std::holds_alternative<scene::FreeCoordinate>(scene.model->coordinates[static_cast<size_t>(i)])) {
+      shown.push_back(i);
+    }
+  }
+  if (shown.empty()) return {};
+  const auto scale = [](int i) { return i < 3 ? 180 / contact::kPi : 1e3; };
+  std::string data = "# time_s";
+  for (int i : shown) data += fmt::format(" {}_{}", scene::kCoordinateNames[static_cast<size_t>(i)], i < 3 ? "deg" : "mm");
+  data += "\n";
+  for (const auto& frame : trajectory.frames) {
+    data += fmt::format("{}", frame.time_s);
+    for (int i : shown) data += fmt::format(" {:.9g}", frame.q[static_cast<size_t>(i)] * scale(i));
+    data += "\n";
+  }
+  std::vector<Panel> panels;
+  std::vector<int> referenceColumns;
+  int column = 2;
+  int numReference = 0;
+  for (int i : shown) {
+    panels.push_back({fmt::format("{} ({})", kCoordinateTitles[static_cast<size_t>(i)], i < 3 ? "deg" : "mm"),
+                      {{"predicted", column++, kColors[0]}}});
+    const bool known = info.reference && info.reference->coordinate.count(i) > 0;
+    referenceColumns.push_back(known ? ++numReference + 1 : 0);
+  }
+  if (numReference > 0) {
+    std::string text = "# reference: " + info.reference->source + "\n";
+    for (size_t row = 0; row < info.reference->time_s.size(); ++row) {
+      text += fmt::format("{}", info.reference->time_s[row]);
+      for (int i : shown) {
+        const auto found = info.reference->coordinate.find(i);
+        if (found != info.reference->coordinate.end()) text += fmt::format(" {:.9g}", found->second[row] * scale(i));
+      }
+      text += "\n";
+    }
+    io::writeFileAtomically(out.file("plots/motion_reference.dat"), text);
+  }
+  writePlot(out, "motion", data,
+            makeTimeScript("motion", panels, calcTimeRange(trajectory.frames), "motion_reference.dat", referenceColumns));
+  return "motion.gp";
+}
+
+std::string writeForcePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory) {
+  const std::vector<std::string> names = listCompartmentNames(scene);
+  Panel force{"contact force (N)", {}, true}, torque{"torque about fixed origin (N m)", {}, true};
+  std::string header = "time_s";
+  for (size_t i = 0; i <= names.size(); ++i) {
+    if (i == names.size() && names.size() == 1) break;
+    const std::string name = i < names.size() ? names[i] : "total";
+    const char* color = i < names.size() ? kColors[i % kColors.size()] : "#333333";
+    force.curves.push_back({name, static_cast<int>(2 * i) + 2, color, i < names.size() ? 1 : 4});
+    torque.curves.push_back({name, static_cast<int>(2 * i) + 3, color, i < names.size() ? 1 : 4});
+    header += " " + name + ".force_N " + name + ".torque_Nm";
+  }
+  writePlot(out, "forces",
+            makeLoadData(scene, trajectory.frames, header,
+                         [](const NetLoad& load) {
+                           return std::array<double, 2>{load.scalarForce_N, load.momentOnM_Fo_F.norm()};
+                         }),
+            makeTimeScript("forces", {force, torque}, calcTimeRange(trajectory.frames)));
+  return "forces.gp";
+}
+
+std::string writePressurePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory) {
+  const std::vector<std::string> names = listCompartmentNames(scene);
+  Panel pressure{"contact pressure (MPa)", {}, true}, area{"contact area (mm²)", {}, true};
+  std::string header = "time_s";
+  for (size_t i = 0; i < names.size(); ++i) {
+    const char* color = kColors[i % kColors.size()];
+    const int column = static_cast<int>(3 * i) + 2;
+    pressure.curves.push_back({names[i] + ", peak", column, color, 1});
+    pressure.curves.push_back({names[i] + ", mean", column + 1, color, 2});
+    area.curves.push_back({names[i], column + 2, color, 1});
+    header += fmt::format(" {0}.peak_MPa {0}.mean_MPa {0}.area_mm2", names[i]);
+  }
+  writePlot(out, "pressures",
+            makeLoadData(scene, trajectory.frames, header,
+                         [](const NetLoad& load) {
+                           return std::array<double, 3>{load.peakPressure_Pa * 1e-6, load.meanPressure_Pa * 1e-6,
+                                                        load.area_m2 * 1e6};
+                         }),
+            makeTimeScript("pressures", {pressure, area}, calcTimeRange(trajectory.frames)));
+  return "pressures.gp";
+}
+
+std::string writeMapPlot(OutputFolder& out, const std::string& name, const contact::ContactPairDefinition& definition,
+                         const std::vector<MapPanel>& panels, bool leftKnee) {
+  // Extent of the compartments [mm] and the largest pressure [MPa] of all panels.
+  double x0 = std::numeric_limits<double>::infinity(), z0 = x0, x1 = -x0, z1 = -x0;
+  for (const auto& c : definition.compartments) {
+    x0 = std::min(x0, c.x0_m * 1e3), x1 = std::max(x1, c.x1_m * 1e3);
+    z0 = std::min(z0, c.z0_m * 1e3), z1 = std::max(z1, c.z1_m * 1e3);
+  }
+  const double margin = 0.03 * std::max(x1 - x0, z1 - z0);
+  x0 -= margin, x1 += margin, z0 -= margin, z1 += margin;
+  double peak = 0;
+  for (const auto& panel : panels) {
+    for (const auto& load : panel.loads) peak = std::max(peak, load.peakPressure_Pa * 1e-6);
+  }
+
+  std::vector<std::string> blocks(panels.size());
+  for (size_t p = 0; p < panels.size(); ++p) {
+    std::string data = "# z_mm x_mm half_dz_mm half_dx_mm pressure_MPa\n";
+    for (size_t c = 0; c < panels[p].fields.size(); ++c) {
+      const auto& compartment = definition.compartments[c];
+      const double dx = 500 * (compartment.x1_m - compartment.x0_m) / compartment.nx;
+      const double dz = 500 * (compartment.z1_m - compartment.z0_m) / compartment.nz;
+      for (const auto& e : panels[p].fields[c]) {
+        data += fmt::format("{:.6g} {:.6g} {:.6g} {:.6g} {:.6g}\n", e.p_FA.z() * 1e3, e.p_FA.x() * 1e3, dz, dx, e.p_Pa * 1e-6);
+      }
+    }
+    io::writeFileAtomically(out.file(fmt::format("plots/{}_{}.dat", name, p + 1)), data);
+  }
+
+  // Pixels: panels of equal scale on both axes, in rows of at most three; a single panel is larger.
+  const int count = static_cast<int>(panels.size());
+  const int columns = std::min(count, 3), rows = (count + columns - 1) / columns;
+  const double pixelsPerMm = (count == 1 ? 640.0 : 400.0) / std::max(z1 - z0, 1.2 * (x1 - x0));
+  const double w = pixelsPerMm * (z1 - z0), h = pixelsPerMm * (x1 - x0);
+  const double left = 95, right = 25, top = 58, bottom = 75;
+  const double cellW = left + w + right, cellH = top + h + bottom;
+  const bool freeCell = count < columns * rows;  // the colour bar goes into the empty cell, or below
+  const double barSpace = freeCell ? 0 : 115;
+  const double W = std::max(columns * cellW, 620.0), H = rows * cellH + barSpace;
+  const double barW = std::min(0.7 * (freeCell ? cellW : W), 420.0);
+  const double barX = freeCell ? (columns - 0.5) * cellW - barW / 2 : (W - barW) / 2;
+  const double barY = freeCell ? 0.5 * cellH : 72;
+
+  std::string script = fmt::format(
+      "# Draw again with: gnuplot {0}.gp\n"
+      "set terminal pngcairo size {1:.0f},{2:.0f} font 'DejaVu Sans,13' background rgb 'white' noenhanced\n"
+      "set output '{0}.png'\n{3}unset grid\nunset key\n"
+      "set palette defined (0 '#440154', 1 '#46327e', 2 '#365c8d', 3 '#277f8e', 4 '#1fa187', 5 '#4ac16d', 6 '#a0da39', 7 "
+      "'#fde725')\n"
+      "set cbrange [0:{4:.6g}]\n"
+      "set style fill solid 1.0 border\n"
+      "set multiplot\n",
+      name, W, H, kCommon, peak > 0 ? peak : 1.0);
+  // Seen from above (along -y). Right knee: x posterior, so anterior is up at -x and medial (+z) is to the left.
+  script += leftKnee ? fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", z0, z1, x0, x1)
+                     : fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", z1, z0, x1, x0);
+  script += leftKnee ? "set xlabel '← lateral    z (mm)    medial →'\n" : "set xlabel '← medial    z (mm)    lateral →'\n";
+  script += h > 270 ? "set ylabel '← posterior    x (mm)    anterior →'\n" : "set ylabel 'x (mm)    anterior →'\n";
+  for (int p = 0; p < count; ++p) {
+    const MapPanel& panel = panels[static_cast<size_t>(p)];
+    const double px = (p % columns) * cellW + (columns * cellW < W ? (W - cellW) / 2 : 0) + left;
+    const double py = H - (p / columns) * cellH - top;  // upper edge
+    script += fmt::format(
+        "\nset lmargin at screen {:.5f}\nset rmargin at screen {:.5f}\nset tmargin at screen {:.5f}\nset bmargin at screen "
+        "{:.5f}\n",
+        px / W, (px + w) / W, py / H, (py - h) / H);
+    script += "unset label\n";
+    for (size_t c = 0; c < panel.loads.size(); ++c) {
+      const auto& compartment = definition.compartments[c];
+      // Inside the panel's upper edge, over the middle of its compartment.
+      script += fmt::format("set label {} at first {:.4g}, graph 0.90 center front font ',11' tc rgb '#202020'\n",
+                            quote(fmt::format("{} {:.0f} N", compartment.name, panel.loads[c].scalarForce_N)),
+                            500 * (compartment.z0_m + compartment.z1_m));
+    }
+    script += fmt::format("set title {} offset 0,-0.3\n", quote(panel.title));
+    if (p + 1 < count) {
+      script += "unset colorbox\n";
+    } else {
+      script += fmt::format(
+          "set colorbox horizontal user origin {:.5f},{:.5f} size {:.5f},{:.5f} noinvert\nset cblabel 'contact pressure "
+          "(MPa)' offset 0,0.2\n",
+          barX / W, barY / H, barW / W, 22.0 / H);
+      script += fmt::format(
+          "set label 101 'seen from above; grey: elements out of contact; + center of pressure' at screen {:.5f},{:.5f} "
+          "center font ',11' tc rgb '#404040'\n",
+          (barX + barW / 2) / W, (barY + 40) / H);
+    }
+    const std::string file = fmt::format("'{}_{}.dat'", name, p + 1);
+    script += fmt::format(
+        "plot {0} using 1:2:3:4 with boxxyerror lc rgb '#e4e4e4' notitle, \\\n"
+        "     {0} using 1:2:($5 > 0 ? $3 : NaN):4:5 with boxxyerror lc palette notitle",
+        file);
+    std::string points;
+    for (const auto& load : panel.loads) {
+      if (load.activeElements == 0) continue;
+      points += fmt::format("{:.6g} {:.6g}\n", load.centerOfPressure_F.z() * 1e3, load.centerOfPressure_F.x() * 1e3);
+    }
+    if (!points.empty()) {
+      script += fmt::format(
+          ", \\\n     $cop{0} using 1:2 with points pt 1 ps 2.2 lw 5 lc rgb 'white' notitle, \\\n"
+          "     $cop{0} using 1:2 with points pt 1 ps 2 lw 2 lc rgb 'black' notitle",
+          p + 1);
+      // Inline data must come before the plot command that names it.
+      const size_t at = script.rfind("\nplot ");
+      script.insert(at, fmt::format("\n$cop{} << END\n{}END", p + 1, points));
+    }
+    script += "\n";
+  }
+  io::writeFileAtomically(out.file("plots/" + name + ".gp"), script + "\nunset multiplot\n");
+  return name + ".gp";
+}
+
+}  // namespace genu::report

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "genu/contact/ContactPair.h"
+#include "genu/report/OutputFolder.h"
+#include "genu/report/RunReport.h"
+
+namespace genu::report {
+
+/** gnuplot scripts and their data, written into `plots/` of a results folder; each returns the script's name. The
+ scripts run from their own folder, so a user can restyle and rerun them. Colours: Okabe & Ito (2008) and viridis. */
+
+/** Predicted (free) coordinates over time, with the reference where it has the coordinate. */
+std::string writeMotionPlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory,
+                            const RunInfo& info);
+
+/** Scalar force and torque of each compartment over time. */
+std::string writeForcePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory);
+
+/** Peak and mean pressure and contact area of each compartment over time. */
+std::string writePressurePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory);
+
+/** One instant of one contact pair. */
+struct MapPanel {
+  std::string title;
+  std::vector<std::vector<contact::ElementField>> fields;
+  std::vector<contact::NetLoad> loads;
+};
+
+/** Pressure maps seen from above, anterior up, one panel per instant, one colour scale. */
+std::string writeMapPlot(OutputFolder& out, const std::string& name, const contact::ContactPairDefinition& definition,
+                         const std::vector<MapPanel>& panels, bool leftKnee);
+
+}  // namespace genu::report

@@ -1,0 +1,583 @@
+#include "genu/report/RunReport.h"
+
+#include <Eigen/Core>
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <ctime>
+#include <limits>
+#include <memory>
+#include <numeric>
+
+#include "Plots.h"
+#include "genu/io/Files.h"
+#include "genu/io/Table.h"
+#include "genu/report/ContactReport.h"
+#include "genu/report/ElementMesh.h"
+#include "genu/report/Gnuplot.h"
+#include "genu/report/OutputFolder.h"
+#include "genu/report/Vtk.h"
+#include "genu/scene/SceneFile.h"
+
+namespace genu::report {
+namespace fs = std::filesystem;
+using contact::NetLoad;
+using nlohmann::ordered_json;
+using scene::Frame;
+using scene::kCoordinateNames;
+using scene::Scene;
+using scene::Trajectory;
+
+namespace {
+
+constexpr double kDegree = contact::kPi / 180;
+
+double interpolate(const std::vector<double>& t, const std::vector<double>& value, double at) {
+  const auto next = std::upper_bound(t.begin(), t.end(), at);
+  if (next == t.begin()) return value.front();
+  if (next == t.end()) return value.back();
+  const size_t i = static_cast<size_t>(next - t.begin());
+  const double share = (at - t[i - 1]) / (t[i] - t[i - 1]);
+  return value[i - 1] + share * (value[i] - value[i - 1]);
+}
+
+double calcValue(const scene::TimeFunction& function, double at) {
+  if (const auto* constant = std::get_if<double>(&function)) return *constant;
+  const auto& series = std::get<scene::TimeSeries>(function);
+  return interpolate(series.time_s, series.value, at);
+}
+
+bool isTable(const scene::TimeFunction& function) { return std::holds_alternative<scene::TimeSeries>(function); }
+
+/** A name that is safe as part of a file name. */
+std::string makeFileName(std::string name) {
+  for (char& c : name) {
+    const bool safe = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    if (!safe) c = '_';
+  }
+  return name.empty() ? "pair" : name;
+}
+
+bool isFree(const Scene& scene, size_t coordinate) {
+  return scene.model && std::holds_alternative<scene::FreeCoordinate>(scene.model->coordinates[coordinate]);
+}
+
+// ---------------------------------------------------------------------------------------------------------------
+// Tables
+// ---------------------------------------------------------------------------------------------------------------
+
+void writeMotion(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
+  io::Table table;
+  table.columns = {"time"};
+  for (const char* name : kCoordinateNames) table.columns.push_back(name);
+  for (const char* name : kCoordinateNames) table.columns.push_back(std::string(name) + "_rate");
+  table.data.resize(table.columns.size());
+  for (const auto& frame : trajectory.frames) {
+    table.data[0].push_back(frame.time_s);
+    for (size_t i = 0; i < 6; ++i) {
+      const double scale = i < 3 ? 1 / kDegree : 1;
+      table.data[1 + i].push_back(frame.q[i] * scale);
+      table.data[7 + i].push_back(frame.qdot[i] * scale);
+    }
+  }
+  io::writeSto(out.file("motion.sto"), scene.name + ", coordinates", table, true,
+               "Pose of the moving body in the fixed body: R = Rx(rx) Ry(ry) Rz(rz), position x, y, z.\n"
+               "Angles in deg, lengths in m, times in s; NAME_rate is the time derivative.");
+}
+
+void writeContact(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
+  static constexpr std::array<const char*, 17> kQuantities = {
+      "force_x_N", "force_y_N", "force_z_N", "moment_x_Nm", "moment_y_Nm", "moment_z_Nm",
+      "scalar_force_N", "peak_pressure_Pa", "mean_pressure_Pa", "area_m2", "active_elements",
+      "cop_x_m", "cop_y_m", "cop_z_m", "energy_J", "max_strain", "status"};
+  std::vector<std::string> names = listCompartmentNames(scene);
+  names.emplace_back("total");
+  io::Table table;
+  table.columns = {"time"};
+  for (const auto& name : names) {
+    for (const char* quantity : kQuantities) {
+      if (quantity != std::string("status")) table.columns.push_back(name + "." + quantity);
+    }
+  }
+  table.columns.emplace_back("status");
+  table.data.resize(table.columns.size());
+  for (const auto& frame : trajectory.frames) {
+    size_t column = 0;
+    const auto add = [&](double value) { table.data[column++].push_back(value); };
+    add(frame.time_s);
+    std::vector<NamedLoad> rows = listLoads(scene, frame.contacts);
+    rows.push_back({"total", sumLoads(frame.contacts)});
+    for (const auto& [name, load] : rows) {
+      for (int axis = 0; axis < 3; ++axis) add(load.forceOnM_F[axis]);
+      for (int axis = 0; axis < 3; ++axis) add(load.momentOnM_Fo_F[axis]);
+      add(load.scalarForce_N);
+      add(load.peakPressure_Pa);
+      add(load.meanPressure_Pa);
+      add(load.area_m2);
+      add(load.activeElements);
+      for (int axis = 0; axis < 3; ++axis) add(load.centerOfPressure_F[axis]);
+      add(load.energy_J);
+      add(load.maxStrain);
+    }
+    add(static_cast<double>(worstStatus(frame.contacts)));
+  }
+  io::writeSto(out.file("contact.sto"), scene.name + ", contact", table, false,
+               "Loads on the moving body in the fixed frame, moments about the fixed origin.\n"
+               "cop: center of pressure. max_strain: largest penetration over thickness.\n"
+               "status: 0 ok, 1 extrapolated, 2 full penetration, 3 not converged.");
+}
+
+// ---------------------------------------------------------------------------------------------------------------
+// Pressure maps and surfaces
+// ---------------------------------------------------------------------------------------------------------------
+
+std::vector<const contact::ContactSurface*> listSurfaces(const contact::ContactPairDefinition& definition, bool fixed) {
+  std::vector<const contact::ContactSurface*> surfaces;
+  for (const auto& compartment : definition.compartments) {
+    const auto* surface = (fixed ? compartment.fixedSurface : compartment.movingSurface).get();
+    if (std::find(surfaces.begin(), surfaces.end(), surface) == surfaces.end()) surfaces.push_back(surface);
+  }
+  return surfaces;
+}
+
+/** Frames nearest to the asked fractions of the cycle, each once. */
+std::vector<size_t> chooseFrames(const Trajectory& trajectory, const RunInfo& info, double duration_s) {
+  if (trajectory.frames.size() == 1) return {0};
+  std::vector<size_t> chosen;
+  const double start = trajectory.frames.front().time_s;
+  for (const double fraction : info.mapFractions) {
+    const double at = start + fraction * duration_s;
+    size_t best = 0;
+    for (size_t i = 1; i < trajectory.frames.size(); ++i) {
+      if (std::abs(trajectory.frames[i].time_s - at) < std::abs(trajectory.frames[best].time_s - at)) best = i;
+    }
+    if (chosen.empty() || chosen.back() != best) chosen.push_back(best);
+  }
+  return chosen;
+}
+
+struct MapOutput {
+  std::vector<std::string> scripts;
+  bool complete = true;
+};
+
+MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& trajectory, const RunInfo& info,
+                    double duration_s, const scene::Progress& progress) {
+  MapOutput output;
+  const auto pairs = scene::makeContactPairs(scene);
+  const std::vector<size_t> chosen = chooseFrames(trajectory, info, duration_s);
+  std::vector<std::pair<double, std::string>> maps, surfaces;
+  for (size_t p = 0; p < pairs.size() && output.complete; ++p) {
+    const contact::ContactPair& pair = *pairs[p];
+    const std::string pairName = makeFileName(scene.contacts[p].name);
+    contact::ContactWorkspace workspace(pair);
+    contact::ContactResult result;
+    std::vector<MapPanel> panels;
+    const auto fixedSurfaces = listSurfaces(pair.definition(), true);
+    const auto movingSurfaces = listSurfaces(pair.definition(), false);
+    if (info.maps) {
+      writeVtp(out.file("surfaces/" + pairName + "_fixed.vtp"), tessellate(fixedSurfaces, {}, 48));
+    }
+    for (size_t i = 0; i < trajectory.frames.size(); ++i) {
+      const bool drawn = std::find(chosen.begin(), chosen.end(), i) != chosen.end();
+      if (!info.maps && !drawn) continue;
+      if (progress && !progress((p + static_cast<double>(i) / trajectory.frames.size()) / pairs.size())) {
+        output.complete = false;
+        break;
+      }
+      const Frame& frame = trajectory.frames[i];
+      const contact::Pose X_FM = info.calcPairPose ? info.calcPairPose(frame, p) : contact::calcPose(frame.q);
+      pair.evaluate(X_FM, workspace, {}, result);
+      const auto fields = pair.calcFields(workspace);
+      if (info.maps) {
+        VtkMesh mesh = makeElementMesh(pair.definition(), fields, Precision::single);
+        mesh.fieldData.push_back({"TimeValue", 1, std::vector<double>{frame.time_s}});
+        const std::string name = fmt::format("maps/{}_{:04}.vtp", pairName, i);
+        writeVtp(out.file(name), mesh);
+        maps.emplace_back(frame.time_s, name);
+      }
+      if (!drawn) continue;
+      if (info.maps) {
+        const std::string name = fmt::format("surfaces/{}_moving_{:04}.vtp", pairName, i);
+        writeVtp(out.file(name), tessellate(movingSurfaces, X_FM, 48));
+        surfaces.emplace_back(frame.time_s, "surfaces/" + pairName + "_fixed.vtp");
+        surfaces.emplace_back(frame.time_s, name);
+      }
+      const double percent = 100 * (frame.time_s - trajectory.frames.front().time_s) / duration_s;
+      panels.push_back({info.analysis == "static" ? scene.name : fmt::format("t = {:.3g} s  ({:.0f} % of cycle)", frame.time_s, percent),
+                        fields, result.compartments});
+    }
+    if (info.plots && !panels.empty()) {
+      output.scripts.push_back(writeMapPlot(out, pairs.size() > 1 ? "pressure_map_" + pairName : "pressure_map",
+                                            pair.definition(), panels, info.leftKnee));
+    }
+  }
+  if (!maps.empty()) writePvd(out.file("pressure.pvd"), maps);
+  if (!surfaces.empty()) writePvd(out.file("surfaces.pvd"), surfaces);
+  return output;
+}
+
+// ---------------------------------------------------------------------------------------------------------------
+// Copy of the inputs
+// ---------------------------------------------------------------------------------------------------------------
+
+/** Copies the scene and the files it names so that the results can be evaluated again anywhere. Relative paths keep
+ their places relative to each other, `data:` paths go into a data folder; absolute ones are left where they are. */
+ordered_json copyScene(OutputFolder& out, const Scene& scene, const fs::path& dataFolder) {
+  const fs::path file = fs::absolute(scene.file).lexically_normal();
+  std::vector<fs::path> relative = {file};
+  std::vector<std::string> kept;
+  static constexpr std::array<const char*, 3> kDataPrefixes = {"data:", "${GENU_DATA_DIR}", "${GENU_DATA}"};
+  for (const auto& item : scene.inputHashes) {
+    const std::string& written = item.first;
+    const auto prefix = std::find_if(kDataPrefixes.begin(), kDataPrefixes.end(),
+                                     [&](const char* text) { return written.rfind(text, 0) == 0; });
+    if (prefix != kDataPrefixes.end()) {
+      const fs::path inside = fs::path(written.substr(std::string(*prefix).size())).relative_path().lexically_normal();
+      if (!dataFolder.empty() && fs::is_regular_file(dataFolder / inside) && *inside.begin() != "..") {
+        io::writeFileAtomically(out.file("scene/data" / inside), io::readFile(dataFolder / inside));
+        continue;
+      }
+      kept.push_back(written);
+    } else if (fs::path(written).is_absolute()) {
+      if (fs::path(written).lexically_normal() != file) kept.push_back(written);
+    } else {
+      const fs::path path = (file.parent_path() / written).lexically_normal();
+      if (fs::is_regular_file(path)) relative.push_back(path);
+    }
+  }
+  // The deepest folder above all of them.
+  fs::path root = file.parent_path();
+  for (const auto& path : relative) {
+    while (*path.lexically_relative(root).begin() == "..") root = root.parent_path();
+  }
+  for (const auto& path : relative) {
+    io::writeFileAtomically(out.file("scene/files" / path.lexically_relative(root)), io::readFile(path));
+  }
+  ordered_json json;
+  json["name"] = scene.name;
+  json["file"] = file.generic_string();
+  json["sha256"] = io::calcSha256(io::readFile(file));
+  json["copy"] = ("scene/files" / file.lexically_relative(root)).generic_string();
+  json["data_folder"] = fs::exists(out.staging() / "scene/data") ? "scene/data" : "";
+  json["not_copied"] = kept;
+  return json;
+}
+
+// ---------------------------------------------------------------------------------------------------------------
+// Summary
+// ---------------------------------------------------------------------------------------------------------------
+
+ordered_json makePose(const contact::JointCoordinates& q) {
+  ordered_json json;
+  for (size_t i = 0; i < 6; ++i) {
+    json[std::string(kCoordinateNames[i]) + (i < 3 ? "_deg" : "_mm")] = i < 3 ? q[i] / kDegree : q[i] * 1e3;
+  }
+  return json;
+}
+
+ordered_json makeInstant(const Scene& scene, const Frame& frame) {
+  ordered_json json;
+  json["time_s"] = frame.time_s;
+  json["pose"] = makePose(frame.q);
+  json["contact"] = toJson(scene, frame.contacts);
+  return json;
+}
+
+/** Largest value over the run and when, for each compartment and in total. */
+ordered_json makePeaks(const Scene& scene, const Trajectory& trajectory) {
+  struct Quantity {
+    const char* name;
+    double (*get)(const NetLoad&);
+  };
+  static constexpr std::array<Quantity, 6> kQuantities = {{
+      {"scalar_force_N", [](const NetLoad& l) { return l.scalarForce_N; }},
+      {"torque_Nm", [](const NetLoad& l) { return l.momentOnM_Fo_F.norm(); }},
+      {"peak_pressure_Pa", [](const NetLoad& l) { return l.peakPressure_Pa; }},
+      {"mean_pressure_Pa", [](const NetLoad& l) { return l.meanPressure_Pa; }},
+      {"area_m2", [](const NetLoad& l) { return l.area_m2; }},
+      {"max_strain", [](const NetLoad& l) { return l.maxStrain; }},
+  }};
+  std::vector<std::string> names = listCompartmentNames(scene);
+  names.emplace_back("total");
+  ordered_json json;
+  for (size_t row = 0; row < names.size(); ++row) {
+    for (const auto& quantity : kQuantities) {
+      double best = -1, when = 0;
+      for (const auto& frame : trajectory.frames) {
+        const auto loads = listLoads(scene, frame.contacts);
+        const double value = quantity.get(row < loads.size() ? loads[row].load : sumLoads(frame.contacts));
+        if (value > best) best = value, when = frame.time_s;
+      }
+      json[names[row]][quantity.name] = {{"value", best}, {"time_s", when}};
+    }
+  }
+  return json;
+}
+
+/** Difference of a predicted coordinate from the reference: as it is and with the means aligned; also against the
+ mirrored reference, because signs of measured angles are a frequent doubt. */
+ordered_json compare(const Trajectory& trajectory, const ReferenceMotion& reference, int coordinate) {
+  const auto& values = reference.coordinate.at(coordinate);
+  const double scale = coordinate < 3 ? 1 / kDegree : 1e3;
+  std::vector<double> predicted, measured;
+  for (const auto& frame : trajectory.frames) {
+    if (frame.time_s < reference.time_s.front() || frame.time_s > reference.time_s.back()) continue;
+    predicted.push_back(frame.q[static_cast<size_t>(coordinate)] * scale);
+    measured.push_back(interpolate(reference.time_s, values, frame.time_s) * scale);
+  }
+  ordered_json json;
+  if (predicted.empty()) return json;
+  const auto mean = [](const std::vector<double>& v) {
+    return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
+  };
+  const auto rms = [&](double sign, bool alignMeans) {
+    const double shift = alignMeans ? mean(predicted) - sign * mean(measured) : 0;
+    double sum = 0;
+    for (size_t i = 0; i < predicted.size(); ++i) sum += std::pow(predicted[i] - sign * measured[i] - shift, 2);
+    return std::sqrt(sum / static_cast<double>(predicted.size()));
+  };
+  json["unit"] = coordinate < 3 ? "deg" : "mm";
+  json["rms"] = rms(1, false);
+  json["rms_means_aligned"] = rms(1, true);
+  json["rms_mirrored"] = rms(-1, false);
+  json["rms_mirrored_means_aligned"] = rms(-1, true);
+  const auto [lowP, highP] = std::minmax_element(predicted.begin(), predicted.end());
+  const auto [lowM, highM] = std::minmax_element(measured.begin(), measured.end());
+  json["predicted_range"] = {*lowP, *highP};
+  json["reference_range"] = {*lowM, *highM};
+  return json;
+}
+
+ordered_json makeMotionSummary(const Scene& scene, const Trajectory& trajectory, const RunInfo& info) {
+  ordered_json json;
+  for (size_t i = 0; i < 6; ++i) {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const auto& frame : trajectory.frames) low = std::min(low, frame.q[i]), high = std::max(high, frame.q[i]);
+    const double scale = i < 3 ? 1 / kDegree : 1e3;
+    ordered_json& item = json[kCoordinateNames[i]];
+    item["kind"] = isFree(scene, i) ? "free" : "prescribed";
+    item["unit"] = i < 3 ? "deg" : "mm";
+    item["min"] = low * scale;
+    item["max"] = high * scale;
+    item["start"] = trajectory.frames.front().q[i] * scale;
+    item["end"] = trajectory.frames.back().q[i] * scale;
+    const int index = static_cast<int>(i);
+    if (info.reference && info.reference->coordinate.count(index) > 0 && isFree(scene, i)) {
+      item["reference"] = compare(trajectory, *info.reference, index);
+    }
+  }
+  return json;
+}
+
+ordered_json makeStatistics(const scene::IntegratorStatistics& s) {
+  return {{"integrator", s.name},
+          {"steps_taken", s.stepsTaken},
+          {"steps_attempted", s.stepsAttempted},
+          {"error_test_failures", s.errorTestFailures},
+          {"convergence_failures", s.convergenceFailures},
+          {"realizations", s.realizations},
+          {"contact_evaluations", s.contactEvaluations},
+          {"contact_copies", s.contactCopies},
+          {"distance_queries", s.distanceQueries}};
+}
+
+std::string nowUtc() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  gmtime_r(&now, &parts);
+  char text[32];
+  std::strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%SZ", &parts);
+  return text;
+}
+
+}  // namespace
+
+size_t findMaximumLoad(const Scene& scene, const Trajectory& trajectory) {
+  bool varies = false;
+  for (const auto& load : scene.loads) varies = varies || std::any_of(load.force_N.begin(), load.force_N.end(), isTable);
+  size_t best = 0;
+  double largest = -1;
+  for (size_t i = 0; i < trajectory.frames.size(); ++i) {
+    const Frame& frame = trajectory.frames[i];
+    double size = 0;
+    if (varies) {
+      for (const auto& load : scene.loads) {
+        size += std::hypot(calcValue(load.force_N[0], frame.time_s), calcValue(load.force_N[1], frame.time_s),
+                           calcValue(load.force_N[2], frame.time_s));
+      }
+    } else {
+      size = sumLoads(frame.contacts).scalarForce_N;
+    }
+    if (size > largest) largest = size, best = i;
+  }
+  return best;
+}
+
+ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s) {
+  const io::Table table = io::readTable(file);
+  ReferenceMotion reference;
+  reference.source = file.filename().string();
+  for (const char* name : {"time", "time_s", "percent_cycle"}) {
+    const int column = table.findColumn(name);
+    if (column < 0) continue;
+    io::requireIncreasing(table, column);
+    reference.time_s = table.data[static_cast<size_t>(column)];
+    if (name == std::string("percent_cycle")) {
+      for (double& t : reference.time_s) t *= duration_s / 100;
+    }
+    break;
+  }
+  if (reference.time_s.empty()) {
+    throw InputError(file.string() + ": reference motion: no column \"time\", \"time_s\" or \"percent_cycle\"");
+  }
+  for (int column = 0; column < table.numColumns(); ++column) {
+    const std::string& name = table.columns[static_cast<size_t>(column)];
+    const std::string coordinate = name.substr(0, name.find('_'));
+    const size_t last = name.rfind('_');
+    std::string unit = last == std::string::npos ? "" : name.substr(last + 1);
+    for (int i = 0; i < 6; ++i) {
+      if (coordinate != kCoordinateNames[static_cast<size_t>(i)] || reference.coordinate.count(i) > 0) continue;
+      if (unit.empty()) unit = i >= 3 ? "m" : table.inDegrees ? "deg" : "rad";
+      const bool fits = i < 3 ? unit == "deg" || unit == "rad" : unit == "mm" || unit == "m";
+      if (!fits) continue;
+      std::vector<double> values = table.data[static_cast<size_t>(column)];
+      const double scale = unit == "deg" ? kDegree : unit == "mm" ? 1e-3 : 1;
+      for (double& value : values) value *= scale;
+      reference.coordinate[i] = std::move(values);
+    }
+  }
+  if (reference.coordinate.empty()) {
+    throw InputError(file.string() +
+                     ": reference motion: no column is named after a coordinate and a unit, for example rx_deg or z_mm");
+  }
+  return reference;
+}
+
+RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunInfo& info, const scene::Progress& progress) {
+  if (trajectory.frames.empty()) throw ComputationError("no result to write: " + trajectory.statusText);
+  RunOutput output;
+  output.folder = info.folder;
+  const bool overTime = trajectory.frames.size() > 1;
+  // A run that was cut short still refers to the cycle it was meant to cover.
+  const double covered = trajectory.frames.back().time_s - trajectory.frames.front().time_s;
+  const double duration_s = std::max({scene.gait && overTime && !trajectory.complete ? scene.gait->duration_s : 0.0, covered, 1e-12});
+
+  OutputFolder out(info.folder);
+  writeMotion(out, scene, trajectory);
+  writeContact(out, scene, trajectory);
+  std::vector<std::string> scripts;
+  bool mapsComplete = true;
+  if (info.maps || info.plots) {
+    MapOutput maps = writeMaps(out, scene, trajectory, info, duration_s, progress);
+    scripts = maps.scripts;
+    mapsComplete = maps.complete;
+    if (!mapsComplete) output.notes.emplace_back("pressure maps are incomplete: interrupted");
+  }
+  DrawResult drawn;
+  if (info.plots) {
+    if (overTime) {
+      for (const auto& script : {writeMotionPlot(out, scene, trajectory, info), writeForcePlot(out, scene, trajectory),
+                                 writePressurePlot(out, scene, trajectory)}) {
+        if (!script.empty()) scripts.push_back(script);
+      }
+    }
+    drawn = runGnuplot(out.staging() / "plots", scripts);
+    if (!drawn.problem.empty()) output.notes.push_back("plots: " + drawn.problem);
+  }
+
+  const size_t chosen = overTime ? findMaximumLoad(scene, trajectory) : 0;
+  const Frame& frame = trajectory.frames[chosen];
+  ordered_json json;
+  json["format"] = "genu-results";
+  json["format_version"] = 1;
+  json["analysis"] = info.analysis;
+  json["complete"] = trajectory.complete;
+  json["status"] = trajectory.complete ? "complete" : trajectory.failed ? "failed" : "interrupted";
+  json["status_text"] = trajectory.statusText;
+  json["contact_status"] = contact::toString(worstStatus(frame.contacts));
+  json["written"] = nowUtc();
+  json["scene"] = copyScene(out, scene, info.dataFolder);
+  json["inputs_sha256"] = scene.inputHashes;
+  json["command_line"] = info.commandLine;
+  json["versions"] = {{"genu", GENU_VERSION},
+                      {"eigen", fmt::format("{}.{}.{}", EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION)},
+                      {"compiler", GENU_COMPILER},
+                      {"build_type", GENU_BUILD_TYPE}};
+  for (const auto& [name, version] : info.versions) json["versions"][name] = version;
+  json["side"] = info.leftKnee ? "left" : "right";
+  ordered_json& grids = json["grid"];
+  size_t row = 0;
+  const std::vector<std::string> names = listCompartmentNames(scene);
+  for (const auto& pair : scene.contacts) {
+    for (const auto& c : pair.definition.compartments) {
+      grids[names[row++]] = {{"nx", c.nx}, {"nz", c.nz}, {"rectangle_m", {c.x0_m, c.x1_m, c.z0_m, c.z1_m}}};
+    }
+  }
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  json["wall_time_s"] = trajectory.wallTime_s;
+  json["cpu_time_s"] = trajectory.cpuTime_s;
+  json["peak_memory_MB"] = static_cast<double>(usage.ru_maxrss) / 1024;
+  json["steps"] = makeStatistics(trajectory.statistics);
+  json["frames"] = trajectory.frames.size();
+  if (overTime) {
+    json["at_maximum_load"] = makeInstant(scene, frame);
+    json["peaks"] = makePeaks(scene, trajectory);
+  } else {
+    json["at_static_pose"] = makeInstant(scene, frame);
+  }
+  json["motion"] = makeMotionSummary(scene, trajectory, info);
+  if (!info.details.is_null()) json["details"] = info.details;
+  json["maps_complete"] = mapsComplete;
+  json["plots"] = {{"drawn", drawn.drawn}, {"problem", drawn.problem}};
+  json["files"] = out.listFiles();
+  io::writeFileAtomically(out.file("summary.json"), json.dump(2) + "\n");
+  out.commit();
+
+  output.table = overTime ? fmt::format("At maximum load, t = {:.4g} s:\n", frame.time_s) : "At the static pose:\n";
+  output.table += formatTable(scene, frame.contacts);
+  return output;
+}
+
+StoredRun readStoredRun(const fs::path& folder) {
+  const fs::path file = folder / "summary.json";
+  if (!fs::is_directory(folder)) throw InputError("\"" + folder.string() + "\": no such results folder");
+  if (!fs::is_regular_file(file)) {
+    throw InputError("\"" + folder.string() + "\": no summary.json: not a results folder of `genu gait` or `genu static`");
+  }
+  const auto json = nlohmann::json::parse(io::readFile(file), nullptr, false);
+  const auto fail = [&](const std::string& reason) -> InputError { return InputError(file.string() + ": " + reason); };
+  if (!json.is_object()) throw fail("not valid JSON");
+  const auto get = [&](const char* key) { return json.value(key, nlohmann::json()); };
+  if (get("format") != "genu-results") throw fail("key \"format\" is not \"genu-results\"");
+  if (get("format_version") != 1) throw fail("key \"format_version\": this program reads version 1");
+  StoredRun run;
+  try {
+    run.analysis = json.at("analysis").get<std::string>();
+    run.complete = json.at("complete").get<bool>();
+    run.leftKnee = json.at("side").get<std::string>() == "left";
+    const auto& scene = json.at("scene");
+    run.sceneFile = folder / scene.at("copy").get<std::string>();
+    const auto data = scene.at("data_folder").get<std::string>();
+    if (!data.empty()) run.dataFolder = folder / data;
+  } catch (const nlohmann::json::exception& e) {
+    throw fail(std::string("not as a run leaves it: ") + e.what());
+  }
+  const fs::path motion = folder / "motion.sto";
+  const io::Table table = io::readTable(motion);
+  const std::string where = motion.string();
+  run.time_s = table.data[static_cast<size_t>(table.getColumn("time", where))];
+  run.q.resize(run.time_s.size());
+  for (size_t i = 0; i < 6; ++i) {
+    const auto& values = table.data[static_cast<size_t>(table.getColumn(kCoordinateNames[i], where))];
+    const double scale = i < 3 && table.inDegrees ? kDegree : 1;
+    for (size_t row = 0; row < values.size(); ++row) run.q[row][i] = values[row] * scale;
+  }
+  return run;
+}
+
+}  // namespace genu::report

@@ -1,0 +1,1041 @@
+#include "genu/scene/SceneFile.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <set>
+#include <stdexcept>
+#include <tuple>
+
+#include "YamlReader.h"
+#include "genu/contact/AnalyticSurface.h"
+#include "genu/io/Files.h"
+#include "genu/io/NurbsFile.h"
+#include "genu/io/Suggest.h"
+#include "genu/io/Table.h"
+#include "genu/io/Units.h"
+
+namespace genu::scene {
+
+namespace {
+
+namespace fs = std::filesystem;
+using contact::ContactSurface;
+using io::Dimension;
+
+using SurfacePtr = std::shared_ptr<const ContactSurface>;
+
+enum class Role { fixed, moving };
+
+const std::vector<std::string> kSurfaceKinds = {"nurbs",  "plane",    "dish",      "paraboloid",
+                                                "sphere", "cylinder", "ellipsoid", "torus"};
+const std::vector<std::string> kCoordinates(kCoordinateNames.begin(), kCoordinateNames.end());
+constexpr const char* kPoseText =
+    "six values \"rx, ry, rz, x, y, z\" with units (\"0 deg, 0 deg, 0 deg, 0 mm, 0 mm, 0 mm\")";
+
+/** Analytic height fields without an `extent` reach this many times as far as the scene does, and at least
+ kSmallestHalfExtent_m: a surface that ends inside the scene would lose contact. */
+constexpr double kExtentFactor = 4, kSmallestHalfExtent_m = 0.1;
+constexpr double kMaxOutputs = 1e6;
+/** Sizes beyond which a NURBS surface is no joint but a mistaken unit. */
+constexpr double kSmallestSurface_m = 0.5e-3, kLargestSurface_m = 5;
+
+Dimension dimensionOf(int coordinate) { return coordinate < 3 ? Dimension::angle : Dimension::length; }
+
+bool isHeightField(const std::string& kind) { return kind == "plane" || kind == "dish" || kind == "paraboloid"; }
+
+/** Names become file columns and JSON keys. */
+void checkName(const YamlNode& node, const std::string& name) {
+  const bool fine = std::all_of(name.begin(), name.end(),
+                                [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
+  if (!fine || name.size() > 60) {
+    node.fail("the name \"" + name.substr(0, 60) +
+              "\" is not allowed; use letters, digits, _ and -, at most 60 of them");
+  }
+}
+
+std::pair<int, int> parseGridNode(const YamlNode& node) {
+  if (node.isSequence()) {
+    const auto counts = node.getList(2, "[nx, nz]");
+    return {counts[0].getInteger(1, kMaxGridCells), counts[1].getInteger(1, kMaxGridCells)};
+  }
+  return parseGrid(node.getText("a grid like 30x30"), node.where());
+}
+
+contact::JointCoordinates parsePoseNode(const YamlNode& node) {
+  const auto values = node.getList(6, kPoseText);
+  contact::JointCoordinates q{};
+  for (int i = 0; i < 6; ++i) q[static_cast<size_t>(i)] = values[static_cast<size_t>(i)].getQuantity(dimensionOf(i));
+  return q;
+}
+
+/** The times at which tables are read. */
+struct TimeSpan {
+  double begin_s = 0, end_s = 0;
+  std::string key = "analysis";  ///< the key to shorten, for messages
+};
+
+class SceneReader {
+ public:
+  SceneReader(const std::string& yaml, const fs::path& file, const ReadOptions& options)
+      : yaml_(yaml), options_(options), folder_(file.parent_path()) {
+    scene_.file = file;
+    document_.file = file.string();
+  }
+
+  Scene read() {
+    const YamlNode root = YamlNode::parse(yaml_, document_);
+    if (!root.isMap()) root.fail("the scene must be a mapping of keys; its first line must be \"genu: 1\"");
+    scene_.inputHashes[scene_.file.filename().string()] = io::calcSha256(yaml_);
+    // The version first: a file of another version would only raise errors about keys.
+    root.get("genu", "\"genu: 1\" (the version of the scene format)").getInteger(1, 1);
+    root.requireKeys({"genu", "name", "surfaces", "materials", "contact", "model", "loads", "analysis", "output"});
+    const auto name = root.find("name");
+    scene_.name = name ? name->getText("a text") : scene_.file.stem().string();
+    readMaterials(root.get("materials", "\"materials: {insert: {E: 463 MPa, nu: 0.46}}\""));
+    declareSurfaces(root.get("surfaces", "\"surfaces: {femur: {sphere: {R: 30 mm}}}\""));
+    readContacts(
+        root.get("contact", "\"contact: {knee: {fixed: ..., moving: ..., material: ..., compartments: ...}}\""));
+    if (const auto node = root.find("analysis")) readAnalysis(*node);
+    if (const auto node = root.find("model")) {
+      readModel(*node);
+    } else if (options_.requireModel) {
+      throw InputError(document_.file +
+                       ": model: this key is missing; static and gait analyses need a model with urdf, "
+                       "joint and coordinates (genu contact needs none)");
+    }
+    if (const auto node = root.find("loads")) readLoads(*node);
+    if (const auto node = root.find("output")) readOutput(*node);
+    buildSurfaces();
+    listUnused();
+    scene_.keyLines = document_.keyLines;
+    return std::move(scene_);
+  }
+
+ private:
+  struct SurfaceDefinition {
+    YamlNode node;
+    std::string kind;
+    size_t summary;  ///< index in scene_.surfaces
+    bool used = false;
+  };
+  /** A surface somebody waits for. */
+  struct SurfaceUse {
+    std::string name, user;
+    Role role;
+    SurfacePtr* target;
+  };
+  struct CompartmentPlace {
+    size_t contact, compartment;
+    YamlNode node;  ///< of the rectangle
+    bool automatic;
+    std::string fixedName, movingName;
+  };
+
+  // -- files ------------------------------------------------------------------------------------------------------
+
+  /** Absolute path of a file the scene names; adds its hash. */
+  fs::path resolveFile(const YamlNode& node, std::string* written = nullptr) {
+    const std::string text = node.getText("a file name");
+    std::string rest;
+    fs::path resolved;
+    if (text.rfind("data:", 0) == 0) {
+      rest = text.substr(5);
+    } else {
+      for (const std::string variable : {"${GENU_DATA_DIR}", "${GENU_DATA}"}) {
+        if (text.rfind(variable, 0) != 0) continue;
+        rest = text.substr(variable.size());
+        break;
+      }
+    }
+    if (!rest.empty()) {
+      fs::path dataDir = options_.dataDir;
+      if (dataDir.empty()) {
+        if (const char* environment = std::getenv("GENU_DATA_DIR")) dataDir = environment;
+      }
+      if (dataDir.empty()) {
+        node.fail("\"" + text +
+                  "\" is in the data folder, and no data folder is set; give --data DIR or set the "
+                  "environment variable GENU_DATA_DIR");
+      }
+      resolved = dataDir / fs::path(rest).relative_path();
+    } else {
+      if (text.find("${") != std::string::npos) {
+        node.fail("\"" + text + "\": only ${GENU_DATA} at the beginning of a path is replaced");
+      }
+      resolved = fs::path(text).is_absolute() ? fs::path(text) : folder_ / text;
+    }
+    resolved = fs::absolute(resolved).lexically_normal();
+    if (scene_.inputHashes.count(text) == 0)
+      scene_.inputHashes[text] = io::calcSha256(io::readFile(resolved, node.where()));
+    if (written != nullptr) *written = text;
+    return resolved;
+  }
+
+  // -- materials --------------------------------------------------------------------------------------------------
+
+  void readMaterials(const YamlNode& node) {
+    for (const auto& [name, definition] : node.items()) {
+      checkName(definition, name);
+      materials_.emplace(name, readMaterial(definition));
+      materialNames_.push_back(name);
+    }
+    if (materials_.empty()) node.fail("no material is defined; at least one is needed");
+  }
+
+  contact::Material readMaterial(const YamlNode& node) {
+    contact::Material material;
+    const auto law = node.find("law");
+    const size_t choice = law ? law->getChoice({"linear", "power-law", "power-law-consistent"}) : 0;
+    constexpr std::array<contact::MaterialLaw, 3> laws = {contact::MaterialLaw::linear, contact::MaterialLaw::powerLaw,
+                                                          contact::MaterialLaw::powerLawConsistent};
+    material.law = laws[choice];
+    if (choice == 0) {
+      if (!law && node.find("eps0") && !node.find("E")) {
+        node.fail("eps0, p0 and n belong to a power law; add \"law: power-law\"");
+      }
+      node.requireKeys({"law", "E", "nu"});
+      material.E_Pa = node.get("E", "\"E: 463 MPa\"").getPositive(Dimension::pressure);
+    } else {
+      node.requireKeys({"law", "eps0", "p0", "n", "nu"});
+      material.eps0 = node.get("eps0", "\"eps0: 0.0597\"").getPositive(Dimension::dimensionless);
+      material.p0_Pa = node.get("p0", "\"p0: 18.4 MPa\"").getPositive(Dimension::pressure);
+      const YamlNode n = node.get("n", "\"n: 3\"");
+      material.n = n.getQuantity(Dimension::dimensionless);
+      if (!(material.n >= 1)) n.fail("is " + io::formatNumber(material.n) + "; allowed: n >= 1");
+    }
+    const YamlNode nu = node.get("nu", "\"nu: 0.46\"");
+    material.nu = nu.getQuantity(Dimension::dimensionless);
+    if (!(material.nu >= 0 && material.nu < 0.5)) {
+      nu.fail("is " + io::formatNumber(material.nu) +
+              "; allowed: 0 <= nu < 0.5 (an incompressible bonded layer, nu = 0.5, is infinitely stiff)");
+    }
+    callEngine(node, [&material] { material.validate(); });
+    return material;
+  }
+
+  contact::Material getMaterial(const YamlNode& node) {
+    const std::string name = node.getText("the name of a material");
+    const auto found = materials_.find(name);
+    if (found == materials_.end()) node.fail(io::describeUnknown("material", name, materialNames_));
+    usedMaterials_.insert(name);
+    return found->second;
+  }
+
+  // -- surfaces ---------------------------------------------------------------------------------------------------
+
+  void declareSurfaces(const YamlNode& node) {
+    for (const auto& [name, definition] : node.items()) {
+      checkName(definition, name);
+      std::string kind;
+      for (const auto& [key, value] : definition.items()) {
+        if (std::find(kSurfaceKinds.begin(), kSurfaceKinds.end(), key) == kSurfaceKinds.end()) continue;
+        if (!kind.empty()) value.fail("a surface is one thing: \"" + kind + "\" was given already");
+        kind = key;
+      }
+      std::vector<std::string> allowed = kind.empty() ? kSurfaceKinds : std::vector<std::string>{kind};
+      allowed.push_back("pose");
+      if (kind == "nurbs") allowed.insert(allowed.end(), {"patches", "flip_normals"});
+      if (isHeightField(kind)) allowed.push_back("extent");
+      definition.requireKeys(allowed);
+      if (kind.empty()) definition.fail("no kind of surface is given; allowed: " + io::joinNames(kSurfaceKinds));
+      scene_.surfaces.push_back({name, kind, {}, 0, 0, {}});
+      surfaceNames_.push_back(name);
+      surfaces_.emplace(name, SurfaceDefinition{definition, kind, scene_.surfaces.size() - 1});
+      // Numbers are checked even when nothing uses the surface.
+      if (kind != "nurbs") makeAnalytic(definition, kind, Role::fixed, 1.0);
+      if (const auto pose = definition.find("pose")) parsePoseNode(*pose);
+      if (const auto extent = definition.find("extent")) extent->getPositive(Dimension::length);
+    }
+    if (surfaces_.empty()) node.fail("no surface is defined; at least two are needed");
+  }
+
+  /** Engine errors ("dish: Rf = -1 is not allowed ...") with the key's place. */
+  template <class Function>
+  static auto callEngine(const YamlNode& node, Function function) -> decltype(function()) {
+    try {
+      return function();
+    } catch (const std::invalid_argument& error) {
+      node.fail(error.what());
+    }
+  }
+
+  std::vector<contact::NurbsPatch> makeAnalytic(const YamlNode& definition, const std::string& kind, Role role,
+                                                double halfExtent_m) {
+    const YamlNode node = definition.get(kind, kind);
+    const contact::Solid side = role == Role::fixed ? contact::Solid::below : contact::Solid::above;
+    const auto height = [&node] {
+      const auto y0 = node.find("y0");
+      return y0 ? y0->getQuantity(Dimension::length) : 0.0;
+    };
+    const auto slope = [&node](const char* key) {
+      const auto value = node.find(key);
+      return value ? value->getQuantity(Dimension::dimensionless) : 0.0;
+    };
+    const auto length = [&node](const char* key) {
+      return node.get(key, "\"" + std::string(key) + ": 30 mm\"").getPositive(Dimension::length);
+    };
+    const auto radiusOrInfinity = [&node](const char* key, bool signAllowed) {
+      const YamlNode value = node.get(key, "\"" + std::string(key) + ": 30 mm\" (or inf)");
+      const double radius = value.getQuantityOrInfinity(Dimension::length);
+      if (radius == 0)
+        value.fail("is 0; allowed: " + std::string(signAllowed ? "not 0, either sign" : "> 0") + ", or inf");
+      if (!signAllowed && radius < 0) value.fail("is negative; allowed: > 0, or inf");
+      return radius;
+    };
+    return callEngine(node, [&] {
+      if (kind == "plane") {
+        node.requireKeys({"y0", "sx", "sz"});
+        return contact::makePlane(height(), slope("sx"), slope("sz"), side, halfExtent_m);
+      }
+      if (kind == "dish") {
+        node.requireKeys({"y0", "Rs", "Rf"});
+        return contact::makeDish(height(), radiusOrInfinity("Rs", false), radiusOrInfinity("Rf", false), side,
+                                 halfExtent_m);
+      }
+      if (kind == "paraboloid") {
+        node.requireKeys({"y0", "Rx", "Rz"});
+        return contact::makeParaboloid(height(), radiusOrInfinity("Rx", true), radiusOrInfinity("Rz", true), side,
+                                       halfExtent_m);
+      }
+      if (kind == "sphere") {
+        node.requireKeys({"R"});
+        return contact::makeSphere(length("R"));
+      }
+      if (kind == "cylinder") {
+        node.requireKeys({"R", "length"});
+        return contact::makeCylinder(length("R"), length("length"));
+      }
+      if (kind == "ellipsoid") {
+        node.requireKeys({"a", "b", "c"});
+        return contact::makeEllipsoid(length("a"), length("b"), length("c"));
+      }
+      node.requireKeys({"Rs", "Rf"});
+      const double Rs = length("Rs"), Rf = length("Rf");
+      if (!(Rf < Rs)) node.get("Rf", "").fail("is " + io::formatQuantity(Rf, "mm") + "; allowed: 0 < Rf < Rs");
+      return contact::makeTorus(Rs, Rf);
+    });
+  }
+
+  std::vector<contact::NurbsPatch> readNurbs(const YamlNode& definition, const std::string& name) {
+    const YamlNode node = definition.get("nurbs", "\"nurbs: femur.json\"");
+    const fs::path file = resolveFile(node);
+    scene_.surfaces[surfaces_.at(name).summary].file = file;
+    std::vector<io::NamedPatch> named;
+    try {
+      named = io::readNurbsFile(file);
+    } catch (const InputError& error) {
+      node.fail(error.what());
+    }
+    if (const auto wanted = definition.find("patches")) {
+      std::vector<std::string> known;
+      for (const auto& patch : named) known.push_back(patch.name);
+      std::vector<io::NamedPatch> chosen;
+      std::set<std::string> seen;
+      for (const YamlNode& element : wanted->getList("a list of patch names")) {
+        const std::string patchName = element.getText("the name of a patch");
+        const auto found = std::find(known.begin(), known.end(), patchName);
+        if (found == known.end())
+          element.fail(file.string() + " has no such patch: " + io::describeUnknown("patch", patchName, known));
+        if (!seen.insert(patchName).second) element.fail("\"" + patchName + "\" is listed twice");
+        chosen.push_back(named[static_cast<size_t>(found - known.begin())]);
+      }
+      if (chosen.empty()) wanted->fail("is empty; known: " + io::joinNames(known));
+      named = std::move(chosen);
+    }
+    const auto flip = definition.find("flip_normals");
+    const bool flipped = flip && flip->getBool();
+    std::vector<contact::NurbsPatch> patches;
+    for (io::NamedPatch& patch : named) {
+      patch.data.flipNormal = patch.data.flipNormal != flipped;
+      callEngine(node, [&] { patches.emplace_back(std::move(patch.data)); });
+    }
+    return patches;
+  }
+
+  SurfacePtr getSurface(const SurfaceUse& use) {
+    SurfaceDefinition& definition = surfaces_.at(use.name);
+    // Only a height field depends on the side it is used on.
+    const Role role = isHeightField(definition.kind) ? use.role : Role::fixed;
+    SurfacePtr& surface = built_[{use.name, role}];
+    SurfaceSummary& summary = scene_.surfaces[definition.summary];
+    summary.usedBy.push_back(use.user + (use.role == Role::fixed ? ", fixed" : ", moving"));
+    if (surface) return surface;
+    contact::Pose pose;
+    const auto poseNode = definition.node.find("pose");
+    if (poseNode) pose = contact::calcPose(parsePoseNode(*poseNode));
+    std::vector<contact::NurbsPatch> patches;
+    if (definition.kind == "nurbs") {
+      patches = readNurbs(definition.node, use.name);
+    } else {
+      patches = makeAnalytic(definition.node, definition.kind, role, calcHalfExtent(definition, pose));
+    }
+    if (poseNode) {
+      for (contact::NurbsPatch& patch : patches) patch = patch.transformed(pose);
+    }
+    summary.patches = static_cast<int>(patches.size());
+    summary.controlPoints = 0;
+    for (const contact::NurbsPatch& patch : patches) summary.controlPoints += patch.data().numU * patch.data().numV;
+    surface = callEngine(definition.node, [&] { return std::make_shared<const ContactSurface>(std::move(patches)); });
+    if (definition.kind == "nurbs") {
+      const double size_m = surface->boundingBox().diagonal().norm();
+      if (size_m < kSmallestSurface_m || size_m > kLargestSurface_m) {
+        definition.node.get("nurbs", "")
+            .fail("the surface is " + io::formatQuantity(size_m, "mm", 3) +
+                  " across (allowed: " + io::formatQuantity(kSmallestSurface_m, "mm") + " to " +
+                  io::formatQuantity(kLargestSurface_m, "m") + "); is length_unit in the file right?");
+      }
+    }
+    return surface;
+  }
+
+  double calcHalfExtent(const SurfaceDefinition& definition, const contact::Pose& pose) const {
+    if (!isHeightField(definition.kind)) return 0;
+    if (const auto extent = definition.node.find("extent")) return extent->getPositive(Dimension::length);
+    const auto y0 = definition.node.get(definition.kind, "").find("y0");
+    const double height_m = y0 ? std::abs(y0->getQuantity(Dimension::length)) : 0;
+    return std::max(kSmallestHalfExtent_m, kExtentFactor * (reach_m_ + height_m + pose.p.norm()));
+  }
+
+  void buildSurfaces() {
+    const auto widen = [this](const contact::CompartmentDefinition& c) {
+      reach_m_ = std::max(reach_m_, std::hypot(std::max(std::abs(c.x0_m), std::abs(c.x1_m)),
+                                               std::max(std::abs(c.z0_m), std::abs(c.z1_m))));
+    };
+    for (const CompartmentPlace& place : compartments_) {
+      if (!place.automatic) widen(getCompartment(place));
+    }
+    // Rectangles found from surfaces come before height fields, whose extent depends on all rectangles.
+    for (const CompartmentPlace& place : compartments_) {
+      if (!place.automatic) continue;
+      const SurfaceDefinition& definition = surfaces_.at(place.fixedName);
+      if (isHeightField(definition.kind) && !definition.node.find("extent")) {
+        place.node.fail("\"auto\" needs a surface with an end; \"" + place.fixedName + "\" is a " + definition.kind +
+                        " without one: give the rectangle \"x0, x1, z0, z1\", or the surface an \"extent\"");
+      }
+      const SurfacePtr surface = getSurface({place.fixedName, place.node.path(), Role::fixed, nullptr});
+      scene_.surfaces[definition.summary].usedBy.pop_back();  // it is listed as the compartment's surface below
+      contact::CompartmentDefinition& c = getCompartment(place);
+      const std::array<double, 4> found = callEngine(place.node, [&] { return contact::findRectangle(*surface); });
+      std::tie(c.x0_m, c.x1_m, c.z0_m, c.z1_m) = std::tie(found[0], found[1], found[2], found[3]);
+      if (!(c.x1_m > c.x0_m && c.z1_m > c.z0_m)) {
+        place.node.fail("no part of surface \"" + place.fixedName + "\" faces up (+y); are its normals inverted?");
+      }
+      widen(c);
+    }
+    for (const SurfaceUse& use : uses_) {
+      SurfacePtr surface = getSurface(use);
+      *use.target = std::move(surface);
+    }
+    for (const BackUse& back : backs_) {
+      contact::ContactPairDefinition& definition = scene_.contacts[back.contact].definition;
+      contact::Thickness& thickness = back.role == Role::fixed ? definition.fixedThickness : definition.movingThickness;
+      std::get<contact::BackSurface>(thickness.source).surface =
+          getSurface({back.name, back.place.path() + " (back)", back.role, nullptr});
+    }
+    checkOverlaps();
+  }
+
+  contact::CompartmentDefinition& getCompartment(const CompartmentPlace& place) {
+    return scene_.contacts[place.contact].definition.compartments[place.compartment];
+  }
+
+  /** Two overlapping rectangles on the same surfaces would count their common contact twice. */
+  void checkOverlaps() {
+    for (size_t i = 0; i < compartments_.size(); ++i) {
+      for (size_t j = 0; j < i; ++j) {
+        const CompartmentPlace &a = compartments_[j], &b = compartments_[i];
+        if (a.contact != b.contact || a.fixedName != b.fixedName || a.movingName != b.movingName) continue;
+        const contact::CompartmentDefinition &ca = getCompartment(a), &cb = getCompartment(b);
+        const double dx = std::min(ca.x1_m, cb.x1_m) - std::max(ca.x0_m, cb.x0_m);
+        const double dz = std::min(ca.z1_m, cb.z1_m) - std::max(ca.z0_m, cb.z0_m);
+        constexpr double kTouching_m = 1e-9;
+        if (dx > kTouching_m && dz > kTouching_m) {
+          b.node.fail("compartments \"" + ca.name + "\" and \"" + cb.name + "\" of the same surfaces overlap by " +
+                      io::formatQuantity(dx, "mm") + " x " + io::formatQuantity(dz, "mm") +
+                      "; their common contact would count twice");
+        }
+      }
+    }
+  }
+
+  std::string getSurfaceName(const YamlNode& node) {
+    const std::string name = node.getText("the name of a surface");
+    const auto found = surfaces_.find(name);
+    if (found == surfaces_.end()) node.fail(io::describeUnknown("surface", name, surfaceNames_));
+    found->second.used = true;
+    return name;
+  }
+
+  // -- contact ----------------------------------------------------------------------------------------------------
+
+  struct BackUse {
+    std::string name;
+    size_t contact;
+    Role role;
+    YamlNode place;
+  };
+  struct Side {
+    std::string surface;  ///< empty: every compartment names its own
+    std::string body;
+    contact::Thickness thickness;
+  };
+
+  void readContacts(const YamlNode& node) {
+    const auto pairs = node.items();
+    if (pairs.empty()) node.fail("no contact pair is defined; at least one is needed");
+    // Sized first: uses_ keeps addresses inside.
+    scene_.contacts.resize(pairs.size());
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      checkName(pairs[i].second, pairs[i].first);
+      scene_.contacts[i].name = pairs[i].first;
+      readContact(pairs[i].second, i);
+    }
+  }
+
+  void readContact(const YamlNode& node, size_t index) {
+    node.requireKeys({"fixed", "moving", "material", "strain", "distance", "correction", "tracking", "copy_tolerance",
+                      "element_plane", "compartments"});
+    ContactSpec& spec = scene_.contacts[index];
+    contact::ContactPairDefinition& definition = spec.definition;
+    const YamlNode fixedNode = node.get("fixed", "\"fixed: {surface: insert, thickness: 6 mm}\"");
+    const YamlNode movingNode = node.get("moving", "\"moving: {surface: femur}\"");
+    const Side fixed = readSide(fixedNode, index, Role::fixed), moving = readSide(movingNode, index, Role::moving);
+    spec.fixedBody = fixed.body;
+    spec.movingBody = moving.body;
+    definition.fixedThickness = fixed.thickness;
+    definition.movingThickness = moving.thickness;
+    const bool fixedLayer = !std::holds_alternative<contact::RigidBody>(fixed.thickness.source);
+    const bool movingLayer = !std::holds_alternative<contact::RigidBody>(moving.thickness.source);
+    if (!fixedLayer && !movingLayer) {
+      node.fail("neither body has an elastic layer; give fixed or moving a thickness, for example \"thickness: 6 mm\"");
+    }
+
+    const YamlNode material = node.get("material", "\"material: insert\"");
+    if (material.isMap()) {
+      material.requireKeys({"fixed", "moving"});
+      const auto materialFixed = material.find("fixed"), materialMoving = material.find("moving");
+      const auto read = [&](bool layer, const std::optional<YamlNode>& side,
+                            const char* name) -> std::optional<contact::Material> {
+        if (layer && !side) material.fail(std::string(name) + " has an elastic layer and no material here");
+        if (!side) return std::nullopt;
+        return getMaterial(*side);
+      };
+      const auto a = read(fixedLayer, materialFixed, "fixed"), b = read(movingLayer, materialMoving, "moving");
+      definition.material = fixedLayer ? *a : *b;
+      if (fixedLayer && movingLayer && !(*a == *b)) definition.movingMaterial = *b;
+    } else {
+      definition.material = getMaterial(material);
+    }
+
+    if (const auto strain = node.find("strain")) {
+      definition.strain =
+          strain->getChoice({"small", "large"}) == 0 ? contact::StrainMeasure::small : contact::StrainMeasure::large;
+    }
+    if (const auto distance = node.find("distance")) {
+      if (distance->isScalar() && distance->getText("a method") == "ray") {
+        distance->fail("\"ray\" is not in this version; allowed: minimum");
+      }
+      distance->getChoice({"minimum"});
+    }
+    if (const auto correction = node.find("correction")) {
+      definition.correction = correction->getChoice({"midsurface", "none"}) == 0 ? contact::Correction::midsurface
+                                                                                 : contact::Correction::none;
+    }
+    if (const auto tracking = node.find("tracking")) {
+      constexpr std::array<contact::Tracking, 4> all = {contact::Tracking::all, contact::Tracking::lipschitz,
+                                                        contact::Tracking::breadthFirst,
+                                                        contact::Tracking::breadthFirstUnguarded};
+      definition.tracking = all[tracking->getChoice({"all", "lipschitz", "breadth-first", "breadth-first-unguarded"})];
+    }
+    if (const auto tolerance = node.find("copy_tolerance")) {
+      const bool never = tolerance->isScalar() && tolerance->getText("a length or never") == "never";
+      definition.copyTolerance = never ? -1 : tolerance->getNonNegative(Dimension::length);
+    }
+    if (const auto plane = node.find("element_plane")) definition.planeY_m = plane->getQuantity(Dimension::length);
+
+    const YamlNode compartments = node.get("compartments", "\"compartments: {all: {rectangle: auto, grid: 30x30}}\"");
+    const auto items = compartments.items();
+    if (items.empty()) compartments.fail("no compartment is defined; at least one is needed");
+    definition.compartments.resize(items.size());
+    for (size_t i = 0; i < items.size(); ++i) {
+      checkName(items[i].second, items[i].first);
+      if (items[i].first == "total") items[i].second.fail("the name \"total\" is taken by the sum over compartments");
+      definition.compartments[i].name = items[i].first;
+      readCompartment(items[i].second, index, i, fixed, moving);
+    }
+  }
+
+  Side readSide(const YamlNode& node, size_t contact, Role role) {
+    node.requireKeys({"surface", "body", "thickness"});
+    Side side;
+    if (const auto surface = node.find("surface")) side.surface = getSurfaceName(*surface);
+    if (const auto body = node.find("body")) side.body = body->getText("the name of a link");
+    if (const auto thickness = node.find("thickness")) side.thickness = readThickness(*thickness, contact, role);
+    return side;
+  }
+
+  contact::Thickness readThickness(const YamlNode& node, size_t contact, Role role) {
+    contact::Thickness thickness;
+    if (!node.isMap()) {
+      if (node.getText("none, a length (\"6 mm\"), {height_above: 0 mm} or {back: surface}") == "none")
+        return thickness;
+      thickness.source = contact::ConstantThickness{node.getPositive(Dimension::length)};
+      return thickness;
+    }
+    const std::vector<std::string> sources = {"constant", "height_above", "back"};
+    std::optional<YamlNode> source;
+    std::string kind;
+    for (const auto& [key, value] : node.items()) {
+      if (std::find(sources.begin(), sources.end(), key) == sources.end()) continue;
+      if (source) value.fail("a thickness has one source: \"" + kind + "\" was given already");
+      source = value;
+      kind = key;
+    }
+    std::vector<std::string> allowed = kind.empty() ? sources : std::vector<std::string>{kind};
+    allowed.insert(allowed.end(), {"min", "max", "map_samples"});
+    if (kind.empty() || kind == "back") allowed.insert(allowed.end(), {"along", "missing"});
+    node.requireKeys(allowed);
+    if (!source) node.fail("says nothing about the layer; allowed: " + io::joinNames(sources));
+    if (kind == "constant") {
+      thickness.source = contact::ConstantThickness{source->getPositive(Dimension::length)};
+    } else if (kind == "height_above") {
+      thickness.source = contact::HeightAbovePlane{source->getQuantity(Dimension::length)};
+    } else {
+      contact::BackSurface back;
+      if (const auto along = node.find("along")) {
+        back.direction = along->getChoice({"normal", "closest"}) == 0 ? contact::BackDirection::normal
+                                                                      : contact::BackDirection::closest;
+      }
+      thickness.source = back;
+      backs_.push_back({getSurfaceName(*source), contact, role, *source});
+    }
+    const auto readPositive = [&node](const char* key, std::optional<double>& value) {
+      if (const auto found = node.find(key)) value = found->getPositive(Dimension::length);
+    };
+    readPositive("min", thickness.min_m);
+    readPositive("max", thickness.max_m);
+    readPositive("missing", thickness.missing_m);
+    if (thickness.min_m && thickness.max_m && *thickness.min_m > *thickness.max_m) {
+      node.get("max", "").fail("is " + io::formatQuantity(*thickness.max_m, "mm") +
+                               ", below min = " + io::formatQuantity(*thickness.min_m, "mm"));
+    }
+    if (const auto samples = node.find("map_samples")) {
+      std::tie(thickness.mapSamplesU, thickness.mapSamplesV) = parseGridNode(*samples);
+      if (thickness.mapSamplesU < 2 || thickness.mapSamplesV < 2) samples->fail("a map needs at least 2x2 samples");
+    }
+    return thickness;
+  }
+
+  void readCompartment(const YamlNode& node, size_t contact, size_t index, const Side& fixed, const Side& moving) {
+    node.requireKeys({"rectangle", "grid", "fixed", "moving"});
+    contact::CompartmentDefinition& definition = scene_.contacts[contact].definition.compartments[index];
+    const YamlNode rectangle =
+        node.get("rectangle", "\"rectangle: -5 mm, 5 mm, -5 mm, 5 mm\" (x0, x1, z0, z1) or auto");
+    const bool automatic = rectangle.isScalar() && rectangle.getText("a rectangle") == "auto";
+    if (!automatic) {
+      const auto values = rectangle.getList(4, "\"x0, x1, z0, z1\" with units, or auto,");
+      definition.x0_m = values[0].getQuantity(Dimension::length);
+      definition.x1_m = values[1].getQuantity(Dimension::length);
+      definition.z0_m = values[2].getQuantity(Dimension::length);
+      definition.z1_m = values[3].getQuantity(Dimension::length);
+      const auto requireOrder = [&rectangle](const char* axis, double low, double high) {
+        if (low < high) return;
+        const std::string a(axis);
+        rectangle.fail(a + "0 = " + io::formatQuantity(low, "mm") + " is not below " + a +
+                       "1 = " + io::formatQuantity(high, "mm") + "; the order is x0, x1, z0, z1");
+      };
+      requireOrder("x", definition.x0_m, definition.x1_m);
+      requireOrder("z", definition.z0_m, definition.z1_m);
+    }
+    if (const auto grid = node.find("grid")) std::tie(definition.nx, definition.nz) = parseGridNode(*grid);
+    if (options_.gridOverride) std::tie(definition.nx, definition.nz) = *options_.gridOverride;
+    const auto use = [&](const char* key, const Side& side, Role role, SurfacePtr* target) {
+      std::string surface = side.surface;
+      if (const auto own = node.find(key)) surface = getSurfaceName(*own);
+      if (surface.empty()) {
+        node.fail(std::string("no ") + key + " surface; give contact." + scene_.contacts[contact].name + "." + key +
+                  ".surface, or \"" + key + ": surface\" in the compartment");
+      }
+      uses_.push_back({surface, node.path(), role, target});
+      return surface;
+    };
+    const std::string fixedName = use("fixed", fixed, Role::fixed, &definition.fixedSurface);
+    const std::string movingName = use("moving", moving, Role::moving, &definition.movingSurface);
+    compartments_.push_back({contact, index, rectangle, automatic, fixedName, movingName});
+  }
+
+  // -- functions of time ------------------------------------------------------------------------------------------
+
+  TimeFunction readTimeFunction(const YamlNode& node, Dimension dimension) {
+    if (!node.isMap()) return node.getQuantity(dimension);
+    node.requireKeys({"table", "column", "unit", "time", "scale", "offset"});
+    const YamlNode tableNode = node.get("table", "\"table: gait.csv\"");
+    const YamlNode columnNode = node.get("column", "\"column: rz\"");
+    std::string written;
+    const fs::path file = resolveFile(tableNode, &written);
+    const std::string column = columnNode.getText("the name of a column");
+
+    std::string timeColumn = "time";
+    double timeUnit_s = 1;
+    bool percent = false;
+    const auto timeNode = node.find("time");
+    if (timeNode && timeNode->isMap()) {
+      timeNode->requireKeys({"column", "unit"});
+      timeColumn = timeNode->get("column", "\"column: percent_cycle\"").getText("the name of a column");
+      const YamlNode unit = timeNode->get("unit", "\"unit: percent\" (of analysis.cycle) or \"unit: s\"");
+      const std::string text = unit.getText("percent, s or ms");
+      percent = text == "percent" || text == "%";
+      timeUnit_s =
+          percent ? scene_.cycle_s / 100 : io::parseUnit(text, Dimension::time, unit.where() + " (or percent)");
+    } else if (timeNode) {
+      timeColumn = timeNode->getText("the name of a column");
+    }
+
+    const io::Table table = readCached(file, {timeColumn, column}, node);
+    std::string unit;
+    const bool isStorage = file.extension() != ".csv" && dimension == Dimension::angle;
+    const auto unitNode = node.find("unit");
+    if (unitNode) {
+      unit = unitNode->getText("a unit");
+      if (isStorage && dimension == Dimension::angle && (unit == "deg") != table.inDegrees) {
+        unitNode->fail("is \"" + unit + "\", but " + written + " says inDegrees=" + (table.inDegrees ? "yes" : "no") +
+                       "; leave the unit out or make them agree");
+      }
+    } else if (isStorage) {
+      unit = table.inDegrees ? "deg" : "rad";
+    } else {
+      node.fail("unit: this key is missing; write the unit of column \"" + column + "\", one of " +
+                io::acceptedUnits(dimension));
+    }
+    const auto scaleNode = node.find("scale");
+    double factor = 0;
+    if (scaleNode) {
+      factor = io::parseScaledUnit(scaleNode->getText("a number"), unit, dimension, scaleNode->where());
+    } else {
+      factor = io::parseUnit(unit, dimension, unitNode ? unitNode->where() : node.where());
+    }
+    const auto offsetNode = node.find("offset");
+    const double offset = offsetNode ? offsetNode->getQuantity(dimension) : 0.0;
+
+    TimeSeries series;
+    series.source = written + ", column " + column;
+    const int rows = table.numRows();
+    if (rows < 2) tableNode.fail(written + " has one row; a table over time needs at least two");
+    for (int row = 0; row < rows; ++row) {
+      const auto r = static_cast<size_t>(row);
+      // Divided by 100 last, so that 100 % is the cycle to the last bit.
+      series.time_s.push_back(percent ? table.data[0][r] * scene_.cycle_s / 100 : table.data[0][r] * timeUnit_s);
+      series.value.push_back(factor * table.data[1][r] + offset);
+      if (!std::isfinite(series.value.back()))
+        tableNode.fail(series.source + ": a value is beyond what a number can hold");
+    }
+    checkCoverage(series, percent, tableNode);
+    return series;
+  }
+
+  io::Table readCached(const fs::path& file, const std::vector<std::string>& columns, const YamlNode& node) {
+    const auto key = std::make_pair(file.string(), columns);
+    const auto found = tables_.find(key);
+    if (found != tables_.end()) return found->second;
+    const io::Table table = io::readTable(file, columns, node.where());
+    try {
+      io::requireIncreasing(table, 0);
+    } catch (const InputError& error) {
+      node.fail(error.what());
+    }
+    return tables_.emplace(key, table).first->second;
+  }
+
+  void checkCoverage(const TimeSeries& series, bool percent, const YamlNode& node) const {
+    for (const TimeSpan& span : spans_) {
+      const double slack_s = 1e-9 * std::max(std::abs(span.end_s), scene_.cycle_s);
+      const auto show = [&](double time_s) {
+        std::string text = io::formatQuantity(time_s, "s");
+        if (percent) text += " (" + io::formatQuantity(time_s / scene_.cycle_s, "%") + " of the cycle)";
+        return text;
+      };
+      if (series.time_s.front() > span.begin_s + slack_s) {
+        node.fail(series.source + " begins at " + show(series.time_s.front()) + ", after the run does (" +
+                  io::formatQuantity(span.begin_s, "s") + ")");
+      }
+      if (series.time_s.back() < span.end_s - slack_s) {
+        node.fail(series.source + " ends at " + show(series.time_s.back()) + ", before the run does (" +
+                  io::formatQuantity(span.end_s, "s") + ", " + span.key + "); extend the table or shorten the run");
+      }
+    }
+  }
+
+  // -- model ------------------------------------------------------------------------------------------------------
+
+  void readModel(const YamlNode& node) {
+    node.requireKeys({"urdf", "joint", "gravity", "coordinates"});
+    ModelSpec& model = scene_.model.emplace();
+    model.urdf = resolveFile(node.get("urdf", "\"urdf: knee.urdf\""));
+    model.joint = node.get("joint", "\"joint: tibiofemoral\"").getText("the name of a joint of the URDF");
+    const auto gravity = node.find("gravity");
+    if (gravity && !(gravity->isScalar() && gravity->getText("gravity") == "none")) {
+      readGravity(*gravity, model);
+    }
+    const auto coordinates = node.find("coordinates");
+    if (!coordinates) return;
+    coordinates->requireKeys(kCoordinates);
+    for (size_t i = 0; i < kCoordinates.size(); ++i) {
+      if (const auto coordinate = coordinates->find(kCoordinates[i])) {
+        model.coordinates[i] = readCoordinate(*coordinate, static_cast<int>(i));
+      } else {
+        model.coordinates[i] = FreeCoordinate{};
+      }
+    }
+  }
+
+  void readGravity(const YamlNode& node, ModelSpec& model) const {
+    // "0, -9.81, 0 m/s^2": one unit at the end serves all three; a unit on each is fine too.
+    const auto values = node.getList(3, "none or \"0, -9.81, 0 m/s^2\"");
+    const std::string last = values[2].getText("an acceleration");
+    const size_t unitAt = last.find_first_not_of("0123456789+-.eE \t");
+    const std::string unit = unitAt == std::string::npos ? std::string() : last.substr(unitAt);
+    for (size_t i = 0; i < 3; ++i) {
+      std::string text = values[i].getText("an acceleration");
+      const bool bare = text.find_first_not_of("0123456789+-.eE \t") == std::string::npos;
+      if (bare && !unit.empty()) text += " " + unit;
+      model.gravity_mPerS2[i] = io::parseQuantity(text, Dimension::acceleration, values[i].where());
+    }
+  }
+
+  CoordinateSpec readCoordinate(const YamlNode& node, int coordinate) {
+    const Dimension dimension = dimensionOf(coordinate);
+    if (node.isScalar()) {
+      const std::string text = node.getText("free, {free: ...} or {prescribed: ...}");
+      if (text == "free") return FreeCoordinate{};
+      node.fail("is \"" + text.substr(0, 60) +
+                "\"; allowed: free, {free: {start: ..., damping: ...}}, {prescribed: value or table}" +
+                (std::isdigit(static_cast<unsigned char>(text[0])) != 0 || text[0] == '-'
+                     ? "; to hold it there write {prescribed: \"" + text.substr(0, 60) + "\"}"
+                     : ""));
+    }
+    node.requireKeys({"free", "prescribed"});
+    const auto freeNode = node.find("free"), prescribed = node.find("prescribed");
+    if (freeNode.has_value() == prescribed.has_value()) node.fail("is to be either free or prescribed");
+    if (prescribed) return PrescribedCoordinate{readTimeFunction(*prescribed, dimension)};
+    freeNode->requireKeys({"start", "damping"});
+    FreeCoordinate free;
+    if (const auto start = freeNode->find("start")) free.start = start->getQuantity(dimension);
+    if (const auto damping = freeNode->find("damping")) {
+      free.damping = damping->getNonNegative(coordinate < 3 ? Dimension::angularDamping : Dimension::damping);
+    }
+    return free;
+  }
+
+  // -- loads ------------------------------------------------------------------------------------------------------
+
+  void readLoads(const YamlNode& node) {
+    for (const auto& [name, load] : node.items()) {
+      checkName(load, name);
+      const bool generalized = load.find("coordinate").has_value();
+      if (generalized) {
+        readGeneralizedLoad(load, name);
+      } else {
+        readForce(load, name);
+      }
+    }
+  }
+
+  void readGeneralizedLoad(const YamlNode& node, const std::string& name) {
+    node.requireKeys({"coordinate", "value"});
+    GeneralizedLoadSpec load;
+    load.name = name;
+    const YamlNode coordinate = node.get("coordinate", "\"coordinate: rx\"");
+    load.coordinate = static_cast<int>(coordinate.getChoice(kCoordinates));
+    if (!scene_.model) coordinate.fail("a load on a coordinate needs a model");
+    if (std::holds_alternative<PrescribedCoordinate>(scene_.model->coordinates[static_cast<size_t>(load.coordinate)])) {
+      const std::string key = "model.coordinates." + kCoordinates[static_cast<size_t>(load.coordinate)];
+      coordinate.fail("\"" + kCoordinates[static_cast<size_t>(load.coordinate)] + "\" is prescribed (" + key +
+                      ", line " + std::to_string(document_.keyLines[key]) +
+                      "): a load on it would have no effect; make the coordinate free or remove the load");
+    }
+    load.value = readTimeFunction(node.get("value", "\"value: 2 N m\""),
+                                  load.coordinate < 3 ? Dimension::moment : Dimension::force);
+    scene_.generalizedLoads.push_back(std::move(load));
+  }
+
+  void readForce(const YamlNode& node, const std::string& name) {
+    node.requireKeys({"coordinate", "value", "body", "frame", "force", "point"});
+    if (const auto value = node.find("value"))
+      value->fail("belongs to a load on a coordinate; add \"coordinate: rx\", or use force");
+    if (!scene_.model) node.fail("a load needs a model; add model: {urdf: ..., joint: ...}");
+    LoadSpec load;
+    load.name = name;
+    load.body = node.get("body", "\"body: femur\" (the link the force acts on)").getText("the name of a link");
+    load.frame =
+        node.get("frame", "\"frame: tibia\" (the link whose axes the force is given in)").getText("the name of a link");
+    const auto components = node.get("force", "\"force: 0 N, -1000 N, 0 N\"")
+                                .getList(3, "three components \"fx, fy, fz\", each a force or a table,");
+    for (size_t i = 0; i < 3; ++i) load.force_N[i] = readTimeFunction(components[i], Dimension::force);
+    load.pointBody = load.body;
+    if (const auto point = node.find("point")) {
+      point->requireKeys({"body", "at"});
+      if (const auto body = point->find("body")) load.pointBody = body->getText("the name of a link");
+      const auto at = point->get("at", "\"at: 0 mm, 0 mm, 9.6 mm\"").getList(3, "three lengths \"x, y, z\"");
+      for (size_t i = 0; i < 3; ++i) load.point_m[i] = at[i].getQuantity(Dimension::length);
+    }
+    scene_.loads.push_back(std::move(load));
+  }
+
+  // -- analysis and output ----------------------------------------------------------------------------------------
+
+  void readAnalysis(const YamlNode& node) {
+    node.requireKeys({"cycle", "static", "gait"});
+    if (const auto cycle = node.find("cycle")) scene_.cycle_s = cycle->getPositive(Dimension::time);
+    spans_.clear();
+    if (const auto analysis = node.find("static")) {
+      readStatic(*analysis);
+      spans_.push_back({scene_.staticAnalysis->time_s, scene_.staticAnalysis->time_s, analysis->childPath("time")});
+    }
+    if (const auto analysis = node.find("gait")) {
+      readGait(*analysis);
+      spans_.push_back({0, scene_.gait->duration_s, analysis->childPath("duration")});
+    }
+    if (spans_.empty()) spans_.push_back({});
+  }
+
+  void readStatic(const YamlNode& node) {
+    node.requireKeys({"method", "max_acceleration", "max_residual", "damping", "max_time", "time"});
+    StaticSpec& spec = scene_.staticAnalysis.emplace();
+    if (const auto method = node.find("method")) {
+      constexpr std::array<StaticSpec::Method, 3> methods = {
+          StaticSpec::Method::newton, StaticSpec::Method::implicitEuler, StaticSpec::Method::both};
+      spec.method = methods[method->getChoice({"newton", "implicit-euler", "both"})];
+    }
+    if (const auto v = node.find("max_acceleration"))
+      spec.maxAcceleration_mPerS2 = v->getPositive(Dimension::acceleration);
+    if (const auto v = node.find("max_residual")) spec.maxResidual_N = v->getPositive(Dimension::force);
+    if (const auto v = node.find("damping")) spec.damping_NsPerM = v->getNonNegative(Dimension::damping);
+    if (const auto v = node.find("max_time")) spec.maxTime_s = v->getPositive(Dimension::time);
+    if (const auto v = node.find("time")) spec.time_s = v->getNonNegative(Dimension::time);
+  }
+
+  void readGait(const YamlNode& node) {
+    node.requireKeys({"duration", "output_interval", "accuracy", "integrator", "settle_first"});
+    GaitSpec& spec = scene_.gait.emplace();
+    spec.duration_s = scene_.cycle_s;
+    if (const auto v = node.find("duration")) spec.duration_s = v->getPositive(Dimension::time);
+    spec.outputInterval_s = std::min(scene_.cycle_s / 100, spec.duration_s);
+    if (const auto v = node.find("output_interval")) {
+      spec.outputInterval_s = v->getPositive(Dimension::time);
+      if (spec.outputInterval_s > spec.duration_s) {
+        v->fail("is " + io::formatQuantity(spec.outputInterval_s, "s") + ", longer than the run (" +
+                io::formatQuantity(spec.duration_s, "s") + ")");
+      }
+    }
+    if (spec.duration_s / spec.outputInterval_s > kMaxOutputs) {
+      node.fail(
+          "duration / output_interval = " + io::formatNumber(std::round(spec.duration_s / spec.outputInterval_s)) +
+          " output times; allowed: at most " + io::formatNumber(kMaxOutputs));
+    }
+    if (const auto v = node.find("accuracy")) {
+      spec.accuracy = v->getQuantity(Dimension::dimensionless);
+      if (!(spec.accuracy >= 1e-12 && spec.accuracy <= 0.1)) {
+        v->fail("is " + io::formatNumber(spec.accuracy) + "; allowed: 1e-12 to 0.1");
+      }
+    }
+    if (const auto v = node.find("integrator")) {
+      const std::vector<std::string> integrators = {"cpodes"};
+      spec.integrator = integrators[v->getChoice(integrators)];
+    }
+    if (const auto v = node.find("settle_first")) spec.settleFirst = v->getBool();
+  }
+
+  void readOutput(const YamlNode& node) {
+    node.requireKeys({"maps", "plots"});
+    if (const auto v = node.find("maps")) scene_.output.maps = v->getBool();
+    if (const auto v = node.find("plots")) scene_.output.plots = v->getBool();
+  }
+
+  void listUnused() {
+    for (const std::string& name : surfaceNames_) {
+      if (!surfaces_.at(name).used) scene_.unused.push_back("surfaces." + name);
+    }
+    for (const std::string& name : materialNames_) {
+      if (usedMaterials_.count(name) == 0) scene_.unused.push_back("materials." + name);
+    }
+  }
+
+  const std::string& yaml_;
+  const ReadOptions& options_;
+  fs::path folder_;
+  Scene scene_;
+  YamlDocument document_;
+  std::map<std::string, contact::Material> materials_;
+  std::vector<std::string> materialNames_, surfaceNames_;
+  std::set<std::string> usedMaterials_;
+  std::map<std::string, SurfaceDefinition> surfaces_;
+  std::map<std::pair<std::string, Role>, SurfacePtr> built_;
+  std::vector<SurfaceUse> uses_;
+  std::vector<BackUse> backs_;
+  std::vector<CompartmentPlace> compartments_;
+  std::map<std::pair<std::string, std::vector<std::string>>, io::Table> tables_;
+  std::vector<TimeSpan> spans_ = {TimeSpan{}};
+  double reach_m_ = 0;
+};
+
+}  // namespace
+
+Scene parseScene(const std::string& yaml, const fs::path& file, const ReadOptions& options) {
+  return SceneReader(yaml, file, options).read();
+}
+
+Scene readScene(const fs::path& file, const ReadOptions& options) {
+  const std::string text = io::readFile(file);
+  return parseScene(text, file, options);
+}
+
+std::vector<std::shared_ptr<const contact::ContactPair>> makeContactPairs(const Scene& scene) {
+  std::vector<std::shared_ptr<const contact::ContactPair>> pairs;
+  for (const ContactSpec& spec : scene.contacts) {
+    try {
+      pairs.push_back(std::make_shared<const contact::ContactPair>(spec.definition));
+    } catch (const std::invalid_argument& error) {
+      throw InputError(scene.where("contact." + spec.name) + ": " + error.what());
+    }
+  }
+  return pairs;
+}
+
+contact::JointCoordinates parsePose(const std::string& text, const std::string& where) {
+  const std::vector<std::string> parts = io::splitList(text);
+  if (parts.size() != 6) {
+    throw InputError(where + ": \"" + text.substr(0, 100) + "\" has " + std::to_string(parts.size()) +
+                     (parts.size() == 1 ? " value, " : " values, ") + kPoseText + " are needed");
+  }
+  contact::JointCoordinates q{};
+  for (size_t i = 0; i < 6; ++i) {
+    q[i] = io::parseQuantity(parts[i], dimensionOf(static_cast<int>(i)), where + ": " + kCoordinateNames[i]);
+  }
+  return q;
+}
+
+std::pair<int, int> parseGrid(const std::string& text, const std::string& where) {
+  const size_t separator = text.find_first_of("xX,");
+  const auto readCount = [](std::string part) {
+    part.erase(0, std::min(part.find_first_not_of(" \t"), part.size()));
+    part.erase(part.find_last_not_of(" \t") + 1);
+    int value = 0;
+    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
+    return error == std::errc() && end == part.data() + part.size() && !part.empty() ? value : 0;
+  };
+  int nx = 0, nz = 0;
+  if (separator != std::string::npos) {
+    nx = readCount(text.substr(0, separator));
+    nz = readCount(text.substr(separator + 1));
+  }
+  if (nx < 1 || nz < 1 || nx > kMaxGridCells || nz > kMaxGridCells) {
+    throw InputError(where + ": \"" + text.substr(0, 60) + "\" is not a grid; allowed: NXxNZ like 30x30, each 1 to " +
+                     std::to_string(kMaxGridCells));
+  }
+  return {nx, nz};
+}
+
+}  // namespace genu::scene

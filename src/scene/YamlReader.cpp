@@ -1,0 +1,183 @@
+#include "YamlReader.h"
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+
+#include "genu/io/Suggest.h"
+
+namespace genu::scene {
+
+namespace {
+
+std::string shorten(const std::string& text) { return text.size() > 80 ? text.substr(0, 80) + "..." : text; }
+
+int lineOf(const YAML::Node& node, int fallback) {
+  const YAML::Mark mark = node.Mark();
+  return mark.line >= 0 ? mark.line + 1 : fallback;
+}
+
+}  // namespace
+
+YamlNode YamlNode::parse(const std::string& text, YamlDocument& document) {
+  std::vector<YAML::Node> documents;
+  try {
+    documents = YAML::LoadAll(text);
+  } catch (const YAML::Exception& error) {
+    const int line = error.mark.line >= 0 ? error.mark.line + 1 : 1;
+    throw InputError(document.file + ":" + std::to_string(line) + ": not valid YAML: " + error.msg + " (column " +
+                     std::to_string(std::max(error.mark.column, 0) + 1) +
+                     "); often a wrong indentation, a missing colon or an unclosed quote or bracket");
+  }
+  if (documents.empty() || !documents[0].IsDefined() || documents[0].IsNull()) {
+    throw InputError(document.file + ":1: the scene is empty; its first line must be \"genu: 1\"");
+  }
+  if (documents.size() > 1) {
+    throw InputError(document.file + ":" + std::to_string(lineOf(documents[1], 1)) +
+                     ": a second YAML document begins (\"---\"); a scene is one document");
+  }
+  const int line = lineOf(documents[0], 1);
+  return {documents[0], "", line, document};
+}
+
+std::string YamlNode::where() const {
+  return document_->file + ":" + std::to_string(line_) + (path_.empty() ? "" : ": " + path_);
+}
+
+void YamlNode::fail(const std::string& what) const { throw InputError(where() + ": " + what); }
+
+std::string YamlNode::describe() const {
+  if (node_.IsMap()) return "is a mapping";
+  if (node_.IsSequence()) return "is a list";
+  if (!node_.IsScalar()) return "is empty";
+  return node_.Scalar().empty() ? "is empty" : "is \"" + shorten(node_.Scalar()) + "\"";
+}
+
+std::vector<std::pair<std::string, YamlNode>> YamlNode::items() const {
+  if (!node_.IsMap()) fail(describe() + ", keys with values are needed");
+  std::vector<std::pair<std::string, YamlNode>> result;
+  std::map<std::string, int> seen;
+  for (const auto& item : node_) {
+    const int line = lineOf(item.first, line_);
+    if (!item.first.IsScalar() || item.first.Scalar().empty()) {
+      throw InputError(document_->file + ":" + std::to_string(line) + (path_.empty() ? "" : ": " + path_) +
+                       ": a key is empty or not a text");
+    }
+    const std::string key = item.first.Scalar();
+    const auto [first, inserted] = seen.emplace(key, line);
+    if (!inserted) {
+      throw InputError(document_->file + ":" + std::to_string(line) + ": " + shorten(childPath(key)) +
+                       ": this key was given before, in line " + std::to_string(first->second));
+    }
+    document_->keyLines[childPath(key)] = line;
+    result.emplace_back(key, YamlNode(item.second, childPath(key), line, *document_));
+  }
+  return result;
+}
+
+void YamlNode::requireKeys(const std::vector<std::string>& allowed) const {
+  for (const auto& [key, value] : items()) {
+    if (std::find(allowed.begin(), allowed.end(), key) == allowed.end()) {
+      throw InputError(document_->file + ":" + std::to_string(value.line()) + ": " + shorten(value.path()) + ": " +
+                       io::describeUnknown("key", key, allowed));
+    }
+  }
+}
+
+std::optional<YamlNode> YamlNode::find(const std::string& key) const {
+  for (auto& [name, value] : items()) {
+    if (name == key) return value;
+  }
+  return std::nullopt;
+}
+
+YamlNode YamlNode::get(const std::string& key, const std::string& example) const {
+  if (std::optional<YamlNode> found = find(key)) return *found;
+  throw InputError(document_->file + ":" + std::to_string(line_) + ": " + childPath(key) +
+                   ": this key is missing; write " + example);
+}
+
+std::vector<YamlNode> YamlNode::getList(const std::string& what) const {
+  std::vector<YamlNode> elements;
+  if (node_.IsSequence()) {
+    for (size_t i = 0; i < node_.size(); ++i) {
+      elements.emplace_back(node_[i], path_ + "[" + std::to_string(i) + "]", lineOf(node_[i], line_), *document_);
+    }
+  } else if (node_.IsScalar() && !node_.Scalar().empty()) {
+    size_t i = 0;
+    for (const std::string& part : io::splitList(node_.Scalar())) {
+      elements.emplace_back(YAML::Node(part), path_ + "[" + std::to_string(i++) + "]", line_, *document_);
+    }
+  } else {
+    fail(describe() + ", " + what + " is needed");
+  }
+  return elements;
+}
+
+std::vector<YamlNode> YamlNode::getList(size_t count, const std::string& what) const {
+  std::vector<YamlNode> elements = getList(what);
+  if (elements.size() != count) {
+    fail("has " + std::to_string(elements.size()) + (elements.size() == 1 ? " value" : " values") + ", " + what +
+         " is needed");
+  }
+  return elements;
+}
+
+std::string YamlNode::getText(const std::string& expected) const {
+  if (!node_.IsScalar() || node_.Scalar().empty()) fail(describe() + ", " + expected + " is needed");
+  return node_.Scalar();
+}
+
+bool YamlNode::getBool() const {
+  const std::string text = getText("true or false");
+  if (text != "true" && text != "false") fail("is \"" + shorten(text) + "\"; allowed: true, false");
+  return text == "true";
+}
+
+int YamlNode::getInteger(int lowest, int highest) const {
+  const std::string allowed = "an integer from " + std::to_string(lowest) + " to " + std::to_string(highest);
+  const std::string text = getText(allowed);
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || value < lowest || value > highest) {
+    fail("is \"" + shorten(text) + "\"; allowed: " + allowed);
+  }
+  return value;
+}
+
+double YamlNode::getQuantity(io::Dimension dimension) const {
+  const std::string text =
+      getText(std::string("a ") + io::toString(dimension) + " (" + io::acceptedUnits(dimension) + ")");
+  return io::parseQuantity(text, dimension, where());
+}
+
+double YamlNode::getQuantityOrInfinity(io::Dimension dimension) const {
+  const std::string text =
+      getText(std::string("a ") + io::toString(dimension) + " (" + io::acceptedUnits(dimension) + ")");
+  return io::parseQuantityOrInfinity(text, dimension, where());
+}
+
+double YamlNode::getPositive(io::Dimension dimension) const {
+  const double value = getQuantity(dimension);
+  if (!(value > 0)) fail(describe() + "; allowed: > 0");
+  return value;
+}
+
+double YamlNode::getNonNegative(io::Dimension dimension) const {
+  const double value = getQuantity(dimension);
+  if (!(value >= 0)) fail(describe() + "; allowed: >= 0");
+  return value;
+}
+
+size_t YamlNode::getChoice(const std::vector<std::string>& allowed) const {
+  const std::string text = getText("one of " + io::joinNames(allowed));
+  const auto found = std::find(allowed.begin(), allowed.end(), text);
+  if (found == allowed.end()) {
+    const std::string nearest = io::findNearest(text, allowed);
+    fail("is \"" + shorten(text) + "\"" + (nearest.empty() ? "" : " (did you mean \"" + nearest + "\"?)") +
+         "; allowed: " + io::joinNames(allowed));
+  }
+  return static_cast<size_t>(found - allowed.begin());
+}
+
+}  // namespace genu::scene

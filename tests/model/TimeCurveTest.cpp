@@ -1,0 +1,125 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "genu/model/TimeCurve.h"
+
+namespace genu::model {
+namespace {
+
+using ::testing::HasSubstr;
+
+template <class F>
+scene::TimeSeries sample(F f, double t0, double t1, int points) {
+  scene::TimeSeries series;
+  series.source = "motion.csv, column rz_deg";
+  for (int i = 0; i < points; ++i) {
+    const double t = t0 + (t1 - t0) * i / (points - 1);
+    series.time_s.push_back(t);
+    series.value.push_back(f(t));
+  }
+  return series;
+}
+
+template <class Function>
+std::string inputErrorOf(Function f) {
+  try {
+    f();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "no InputError";
+}
+
+TEST(TimeCurve, ConstantHasNoDerivatives) {
+  const TimeCurve curve(0.3);
+  EXPECT_TRUE(curve.isConstant());
+  EXPECT_EQ(curve.calcValue(17), 0.3);
+  EXPECT_EQ(curve.calcDerivative(17, 1), 0);
+  EXPECT_EQ(curve.calcDerivative(17, 2), 0);
+  EXPECT_NO_THROW(curve.checkCovers(-1e9, 1e9, "anything"));
+}
+
+// Not-a-knot ends reproduce a cubic exactly, on uneven points too; tolerance is rounding of values near 10.
+TEST(TimeCurve, ReproducesCubicWithAllDerivatives) {
+  const auto f = [](double t) { return 2 - 3 * t + 4 * t * t - 5 * t * t * t; };
+  scene::TimeSeries series;
+  for (double t : {0.0, 0.1, 0.35, 0.4, 0.8, 1.0}) {
+    series.time_s.push_back(t);
+    series.value.push_back(f(t));
+  }
+  const TimeCurve curve(series);
+  for (double t : {0.0, 0.05, 0.1, 0.36, 0.77, 1.0, 1.01}) {
+    EXPECT_NEAR(curve.calcValue(t), f(t), 1e-13);
+    EXPECT_NEAR(curve.calcDerivative(t, 1), -3 + 8 * t - 15 * t * t, 1e-12);
+    EXPECT_NEAR(curve.calcDerivative(t, 2), 8 - 30 * t, 1e-11);
+    EXPECT_NEAR(curve.calcDerivative(t, 3), -30, 1e-10);
+  }
+}
+
+TEST(TimeCurve, TwoPointsAreALineThreeAParabola) {
+  const TimeCurve line(sample([](double t) { return 1 + 2 * t; }, 0, 1, 2));
+  EXPECT_DOUBLE_EQ(line.calcValue(0.25), 1.5);
+  EXPECT_DOUBLE_EQ(line.calcDerivative(0.25, 1), 2);
+  const TimeCurve parabola(sample([](double t) { return t * t; }, 0, 1, 3));
+  EXPECT_NEAR(parabola.calcValue(0.3), 0.09, 1e-15);
+  EXPECT_NEAR(parabola.calcDerivative(0.9, 1), 1.8, 1e-14);
+}
+
+// Error O(dt^4) in the value and O(dt^2) in the second derivative up to both ends: halving dt must divide the largest
+// error by 16 and 4; 15 % slack for the next term.
+TEST(TimeCurve, ConvergesWithFourthOrderUpToTheEnds) {
+  const auto largestError = [](int points, int order) {
+    const TimeCurve curve(sample([](double t) { return std::sin(5 * t + 0.3); }, 0, 1, points));
+    double error = 0;
+    for (int i = 0; i <= 1000; ++i) {
+      const double t = i / 1000.0;
+      const double exact = order == 0 ? std::sin(5 * t + 0.3) : -25 * std::sin(5 * t + 0.3);
+      error = std::max(error, std::abs(curve.calcDerivative(t, order) - exact));
+    }
+    return error;
+  };
+  EXPECT_GT(largestError(41, 0) / largestError(81, 0), 16 * 0.85);
+  EXPECT_GT(largestError(41, 2) / largestError(81, 2), 4 * 0.85);
+}
+
+TEST(TimeCurve, IsTwiceContinuouslyDifferentiable) {
+  const TimeCurve curve(sample([](double t) { return std::exp(std::sin(9 * t)); }, 0, 1, 12));
+  for (int i = 1; i < 11; ++i) {
+    const double t = i / 11.0, step = 1e-9;
+    for (int order = 0; order <= 2; ++order) {
+      // Jump across the knot minus what the next derivative explains.
+      const double jump = curve.calcDerivative(t + step, order) - curve.calcDerivative(t - step, order);
+      const double next = std::max(std::abs(curve.calcDerivative(t - step, order + 1)),
+                                   std::abs(curve.calcDerivative(t + step, order + 1)));
+      EXPECT_LT(std::abs(jump), 3 * step * next + 1e-11) << "knot " << i << ", derivative " << order;
+    }
+  }
+}
+
+TEST(TimeCurve, RejectsBadTablesNamingSourceAndRow) {
+  scene::TimeSeries series = sample([](double t) { return t; }, 0, 1, 5);
+  series.value[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(inputErrorOf([&] { TimeCurve{series}; }),
+              ::testing::AllOf(HasSubstr("motion.csv, column rz_deg"), HasSubstr("row 4"), HasSubstr("not a finite")));
+  series.value[3] = 0;
+  series.time_s[3] = series.time_s[2];
+  EXPECT_THAT(inputErrorOf([&] { TimeCurve{series}; }), ::testing::AllOf(HasSubstr("row 4"), HasSubstr("increase")));
+  series.time_s.resize(1);
+  EXPECT_THAT(inputErrorOf([&] { TimeCurve{series}; }), HasSubstr("1 times but 5 values"));
+  series.value.resize(1);
+  EXPECT_THAT(inputErrorOf([&] { TimeCurve{series}; }), HasSubstr("at least 2"));
+}
+
+TEST(TimeCurve, RejectsTableThatEndsBeforeTheRun) {
+  const TimeCurve curve(sample([](double t) { return t; }, 0, 0.9, 5));
+  EXPECT_NO_THROW(curve.checkCovers(0, 0.9, "load"));
+  EXPECT_THAT(inputErrorOf([&] { curve.checkCovers(0, 1, "load 'vertical'"); }),
+              ::testing::AllOf(HasSubstr("rz_deg"), HasSubstr("load 'vertical'"), HasSubstr("0 s to 0.9 s"),
+                               HasSubstr("0 s to 1 s")));
+}
+
+}  // namespace
+}  // namespace genu::model

@@ -1,0 +1,148 @@
+#include "genu/report/ElementMesh.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "ReportFixtures.h"
+#include "genu/report/Vtk.h"
+
+namespace genu::report {
+namespace {
+
+using contact::Vec3;
+using testing::readArray;
+using testing::TemporaryFolder;
+
+struct Evaluated {
+  std::shared_ptr<const contact::ContactPair> pair;
+  std::vector<std::vector<contact::ElementField>> fields;
+  contact::ContactResult result;
+};
+
+Evaluated evaluate(const std::string& yaml) {
+  Evaluated e;
+  e.pair = scene::makeContactPairs(scene::parseScene(yaml, "test.yaml")).front();
+  contact::ContactWorkspace workspace(*e.pair);
+  e.pair->evaluate(contact::JointCoordinates{0, 0, 0, 0, 0.0358, 0}, workspace, {true}, e.result);
+  e.fields = e.pair->calcFields(workspace);
+  return e;
+}
+
+TEST(ElementMesh, FileReadsBackWithTheEnginesNumbers) {
+  const Evaluated e = evaluate(testing::kBallScene);
+  const TemporaryFolder folder;
+  writeVtp(folder / "field.vtp", makeElementMesh(e.pair->definition(), e.fields, Precision::full));
+  EXPECT_EQ(folder.count(), 1u) << "temporary files must be gone";
+
+  pugi::xml_document document;
+  ASSERT_TRUE(document.load_file((folder / "field.vtp").c_str()));
+  const auto piece = document.child("VTKFile").child("PolyData").child("Piece");
+  EXPECT_EQ(piece.attribute("NumberOfPolys").as_int(), 400);
+  EXPECT_EQ(piece.attribute("NumberOfPoints").as_int(), 2 * 21 * 11);
+  const auto pressure = readArray<double>(document, "pressure_Pa");
+  const auto area = readArray<double>(document, "area_m2");
+  const auto active = readArray<std::uint8_t>(document, "contact");
+  const auto compartment = readArray<std::uint8_t>(document, "compartment");
+  ASSERT_EQ(pressure.size(), 400u);
+  double force = 0, peak = 0;
+  int count = 0;
+  for (size_t i = 0; i < pressure.size(); ++i) {
+    force += pressure[i] * area[i];
+    peak = std::max(peak, pressure[i]);
+    count += active[i];
+    EXPECT_EQ(compartment[i], i < 200 ? 0 : 1);
+  }
+  // Same doubles, summed in another order: 400 roundings of 2^-53.
+  EXPECT_NEAR(force / e.result.total.scalarForce_N, 1, 400 * 1.2e-16);
+  EXPECT_EQ(peak, e.result.total.peakPressure_Pa);
+  EXPECT_EQ(count, e.result.total.activeElements);
+  const auto connectivity = readArray<std::int32_t>(document, "connectivity");
+  const auto offsets = readArray<std::int32_t>(document, "offsets");
+  EXPECT_EQ(connectivity.size(), 1600u);
+  EXPECT_EQ(offsets.back(), 1600);
+}
+
+TEST(ElementMesh, CornersOfAnInclinedPlaneLieOnItAndFacesLookOutward) {
+  const Evaluated e = evaluate(R"(genu: 1
+surfaces: {layer: {plane: {y0: 6 mm, sx: 0.3, sz: -0.2}}, ball: {sphere: {R: 30 mm}}}
+materials: {pe: {E: 463 MPa, nu: 0.46}}
+contact:
+  knee:
+    fixed: {surface: layer, thickness: 6 mm}
+    moving: {surface: ball}
+    material: pe
+    compartments: {all: {rectangle: "-5 mm, 5 mm, -5 mm, 5 mm", grid: 7x4}}
+)");
+  const VtkMesh mesh = makeElementMesh(e.pair->definition(), e.fields, Precision::single);
+  ASSERT_EQ(mesh.numPoints(), 8u * 5u);
+  const auto point = [&](size_t i) { return Vec3(mesh.points[3 * i], mesh.points[3 * i + 1], mesh.points[3 * i + 2]); };
+  // Tangent planes of a plane are the plane; grid projection is good to 1e-13 m.
+  for (size_t i = 0; i < mesh.numPoints(); ++i) {
+    EXPECT_NEAR(point(i).y(), 0.006 + 0.3 * point(i).x() - 0.2 * point(i).z(), 1e-12);
+  }
+  for (size_t c = 0; c < mesh.numCells(); ++c) {
+    const auto at = [&](size_t k) { return point(static_cast<size_t>(mesh.connectivity[4 * c + k])); };
+    EXPECT_GT((at(1) - at(0)).cross(at(2) - at(0)).y(), 0);
+  }
+}
+
+TEST(ElementMesh, TableHasOneLinePerElement) {
+  const Evaluated e = evaluate(testing::kBallScene);
+  const TemporaryFolder folder;
+  writeElementCsv(folder / "field.csv", e.pair->definition(), e.fields);
+  const std::string text = testing::read(folder / "field.csv");
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 401);
+  EXPECT_EQ(text.rfind("compartment,ix,iz,x_m", 0), 0u);
+  EXPECT_EQ(folder.count(), 1u);
+}
+
+TEST(ElementMesh, TessellatedSphereLiesOnTheSphereWithItsNormals) {
+  const contact::ContactSurface sphere(contact::makeSphere(0.03));
+  const contact::Pose X = contact::calcPose({0.3, -0.2, 0.5, 0.01, 0.02, 0.03});
+  const VtkMesh mesh = tessellate({&sphere}, X, 20);
+  const auto& normals = std::get<std::vector<float>>(mesh.pointData.front().values);
+  for (size_t i = 0; i < mesh.numPoints(); ++i) {
+    const Vec3 r = Vec3(mesh.points[3 * i], mesh.points[3 * i + 1], mesh.points[3 * i + 2]) - X.p;
+    EXPECT_NEAR(r.norm(), 0.03, 1e-14);
+    const Vec3 n(normals[3 * i], normals[3 * i + 1], normals[3 * i + 2]);
+    EXPECT_NEAR(n.dot(r) / 0.03, 1, 1e-6);  // stored in single precision
+  }
+  EXPECT_GE(mesh.numCells(), 2u * 20u * 20u);
+}
+
+TEST(Vtk, WrongArrayLengthIsRefused) {
+  VtkMesh mesh;
+  mesh.points = {0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 1};
+  mesh.connectivity = {0, 1, 2, 3};
+  mesh.cellData.push_back({"pressure_Pa", 1, std::vector<double>{1, 2}});
+  const TemporaryFolder folder;
+  EXPECT_THROW(writeVtp(folder / "bad.vtp", mesh), std::invalid_argument);
+  EXPECT_EQ(folder.count(), 0u);
+}
+
+TEST(Vtk, UnwritableFileIsAnInputErrorThatNamesIt) {
+  const TemporaryFolder folder;
+  try {
+    writeVtp(folder / "missing" / "field.vtp", VtkMesh{});
+    FAIL() << "nothing was thrown";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("field.vtp"), std::string::npos);
+  }
+}
+
+TEST(Vtk, FilesOfOneTimeAreItsParts) {
+  const TemporaryFolder folder;
+  writePvd(folder / "a.pvd", {{0.0, "x.vtp"}, {0.0, "y.vtp"}, {0.1, "z.vtp"}});
+  pugi::xml_document document;
+  ASSERT_TRUE(document.load_file((folder / "a.pvd").c_str()));
+  std::vector<std::string> seen;
+  for (const auto& node : document.child("VTKFile").child("Collection").children("DataSet")) {
+    seen.push_back(std::string(node.attribute("timestep").value()) + "/" + node.attribute("part").value() + "/" +
+                   node.attribute("file").value());
+  }
+  EXPECT_EQ(seen, (std::vector<std::string>{"0/0/x.vtp", "0/1/y.vtp", "0.1/0/z.vtp"}));
+}
+
+}  // namespace
+}  // namespace genu::report
