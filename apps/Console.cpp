@@ -47,9 +47,7 @@ std::string formatDuration(double seconds) {
 void setUpLog(const ConsoleOptions& options) {
   auto logger = spdlog::stderr_color_mt("genu");
   logger->set_pattern("%^%l%$: %v");
-  logger->set_level(options.quiet     ? spdlog::level::err
-                    : options.verbose ? spdlog::level::debug
-                                      : spdlog::level::info);
+  logger->set_level(options.quiet ? spdlog::level::err : options.verbose ? spdlog::level::debug : spdlog::level::info);
   spdlog::set_default_logger(logger);
 }
 

@@ -41,7 +41,8 @@ FieldFormat chooseFormat(const fs::path& file) {
   const std::string extension = file.extension().string();
   if (extension == ".vtp") return FieldFormat::vtp;
   if (extension == ".csv") return FieldFormat::csv;
-  throw InputError(fmt::format("--field \"{}\": unknown extension \"{}\"; allowed: .vtp, .csv", file.string(), extension));
+  throw InputError(
+      fmt::format("--field \"{}\": unknown extension \"{}\"; allowed: .vtp, .csv", file.string(), extension));
 }
 
 void checkFieldFolder(const fs::path& file) {
@@ -120,7 +121,8 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
     for (const auto& [name, load] : report::listLoads(scene, results)) {
       const contact::Vec3 f = roundForPrint(load.forceOnM_F), cop = roundForPrint(load.centerOfPressure_F * 1e3);
       fmt::print("{}: force on the moving body ({:.4f}, {:.4f}, {:.4f}) N", name, f.x(), f.y(), f.z());
-      if (load.activeElements > 0) fmt::print(", center of pressure ({:.4f}, {:.4f}, {:.4f}) mm", cop.x(), cop.y(), cop.z());
+      if (load.activeElements > 0)
+        fmt::print(", center of pressure ({:.4f}, {:.4f}, {:.4f}) mm", cop.x(), cop.y(), cop.z());
       fmt::print(", energy {:.4g} J\n", load.energy_J);
     }
   }

@@ -38,7 +38,8 @@ std::string describe(const scene::TimeFunction& function, const std::string& uni
   const auto& series = std::get<scene::TimeSeries>(function);
   const auto [low, high] = std::minmax_element(series.value.begin(), series.value.end());
   return fmt::format("table {}: {} to {}, {:g} to {:g} s, {} rows", series.source, io::formatQuantity(*low, unit),
-                     io::formatQuantity(*high, unit), series.time_s.front(), series.time_s.back(), series.time_s.size());
+                     io::formatQuantity(*high, unit), series.time_s.front(), series.time_s.back(),
+                     series.time_s.size());
 }
 
 std::string describe(const contact::Thickness& thickness) {
@@ -64,7 +65,8 @@ std::string describe(const contact::Thickness& thickness) {
 }
 
 std::string describe(const contact::Material& m) {
-  if (m.law == contact::MaterialLaw::linear) return fmt::format("linear, E = {}, nu = {:g}", io::formatQuantity(m.E_Pa, "MPa"), m.nu);
+  if (m.law == contact::MaterialLaw::linear)
+    return fmt::format("linear, E = {}, nu = {:g}", io::formatQuantity(m.E_Pa, "MPa"), m.nu);
   return fmt::format("{}, eps0 = {:g}, p0 = {}, n = {:g}, nu = {:g}",
                      m.law == contact::MaterialLaw::powerLaw ? "power-law" : "power-law-consistent", m.eps0,
                      io::formatQuantity(m.p0_Pa, "MPa"), m.n, m.nu);
@@ -72,10 +74,14 @@ std::string describe(const contact::Material& m) {
 
 const char* describe(contact::Tracking tracking) {
   switch (tracking) {
-    case contact::Tracking::all: return "every element at every evaluation";
-    case contact::Tracking::lipschitz: return "elements that cannot touch yet are skipped (exact)";
-    case contact::Tracking::breadthFirst: return "breadth-first search from the last active set, then the rest checked (exact)";
-    case contact::Tracking::breadthFirstUnguarded: return "breadth-first search only: can miss a new, separate region";
+    case contact::Tracking::all:
+      return "every element at every evaluation";
+    case contact::Tracking::lipschitz:
+      return "elements that cannot touch yet are skipped (exact)";
+    case contact::Tracking::breadthFirst:
+      return "breadth-first search from the last active set, then the rest checked (exact)";
+    case contact::Tracking::breadthFirstUnguarded:
+      return "breadth-first search only: can miss a new, separate region";
   }
   return "";
 }
@@ -111,7 +117,8 @@ void explainModel(const Scene& scene) {
     const std::string start = free.start ? "starts at " + io::formatQuantity(*free.start, unit)
                               : i == 4   ? std::string("starts where the surfaces touch")
                                          : "starts at 0 " + unit;
-    const std::string damping = free.damping > 0 ? fmt::format(", damping {:g} {}", free.damping, i < 3 ? "N m s/rad" : "N s/m") : "";
+    const std::string damping =
+        free.damping > 0 ? fmt::format(", damping {:g} {}", free.damping, i < 3 ? "N m s/rad" : "N s/m") : "";
     fmt::print("  {:<2} free, {}{}\n", kCoordinateNames[i], start, damping);
   }
   if (!scene.loads.empty()) fmt::print("Loads:\n");
@@ -121,7 +128,8 @@ void explainModel(const Scene& scene) {
                io::formatQuantity(load.point_m[2], "mm"), load.pointBody);
     for (size_t axis = 0; axis < 3; ++axis) {
       const auto* constant = std::get_if<double>(&load.force_N[axis]);
-      if (constant == nullptr || *constant != 0) fmt::print("    {}: {}\n", "xyz"[axis], describe(load.force_N[axis], "N"));
+      if (constant == nullptr || *constant != 0)
+        fmt::print("    {}: {}\n", "xyz"[axis], describe(load.force_N[axis], "N"));
     }
   }
   for (const auto& load : scene.generalizedLoads) {
@@ -137,8 +145,9 @@ void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& 
   for (size_t c = 0; c < d.compartments.size(); ++c) {
     const auto& compartment = d.compartments[c];
     const auto& grid = pair.gridReports()[c];
-    fmt::print("  {}: {} x {} cells over x {:g} to {:g} mm, z {:g} to {:g} mm\n", compartment.name, compartment.nx, compartment.nz,
-               compartment.x0_m * 1e3, compartment.x1_m * 1e3, compartment.z0_m * 1e3, compartment.z1_m * 1e3);
+    fmt::print("  {}: {} x {} cells over x {:g} to {:g} mm, z {:g} to {:g} mm\n", compartment.name, compartment.nx,
+               compartment.nz, compartment.x0_m * 1e3, compartment.x1_m * 1e3, compartment.z0_m * 1e3,
+               compartment.z1_m * 1e3);
     fmt::print("    {} elements, {:.1f} mm^2", grid.elements, grid.surfaceArea_m2 * 1e6);
     if (grid.missedSurface > 0) fmt::print("; {} cells miss the surface", grid.missedSurface);
     if (grid.belowPlane > 0) fmt::print("; {} below the element plane", grid.belowPlane);
@@ -146,21 +155,22 @@ void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& 
     if (grid.clamped > 0) fmt::print("; {} with clamped thickness", grid.clamped);
     fmt::print("\n");
     if (!isRigid(d.fixedThickness)) {
-      fmt::print("    fixed layer {:.3f} to {:.3f} mm, mean {:.3f} mm\n", grid.minThickness_m * 1e3, grid.maxThickness_m * 1e3,
-                 grid.meanThickness_m * 1e3);
+      fmt::print("    fixed layer {:.3f} to {:.3f} mm, mean {:.3f} mm\n", grid.minThickness_m * 1e3,
+                 grid.maxThickness_m * 1e3, grid.meanThickness_m * 1e3);
     }
   }
   fmt::print("  fixed layer:  {}\n  moving layer: {}\n", describe(d.fixedThickness), describe(d.movingThickness));
   for (const auto& map : pair.thicknessMapReports()) {
-    fmt::print("  thickness map: {} samples, {} missed, {} clamped, {:.3f} to {:.3f} mm\n", map.samples, map.missed, map.clamped,
-               map.min_m * 1e3, map.max_m * 1e3);
+    fmt::print("  thickness map: {} samples, {} missed, {} clamped, {:.3f} to {:.3f} mm\n", map.samples, map.missed,
+               map.clamped, map.min_m * 1e3, map.max_m * 1e3);
   }
   fmt::print("  material: {}\n", describe(d.material));
   if (d.movingMaterial) fmt::print("  material of the moving layer: {}, in series\n", describe(*d.movingMaterial));
   fmt::print("  strain: {}\n  distance: minimum, {}\n", d.strain == contact::StrainMeasure::small ? "small" : "large",
              d.correction == contact::Correction::midsurface ? "midsurface correction" : "not corrected");
   fmt::print("  tracking: {}\n", describe(d.tracking));
-  if (d.copyTolerance >= 0) fmt::print("  a stored result is copied when no coordinate moved by more than {:g}\n", d.copyTolerance);
+  if (d.copyTolerance >= 0)
+    fmt::print("  a stored result is copied when no coordinate moved by more than {:g}\n", d.copyTolerance);
 }
 
 void explainAnalyses(const Scene& scene) {
@@ -172,7 +182,8 @@ void explainAnalyses(const Scene& scene) {
   const char* method = s.method == scene::StaticSpec::Method::newton          ? "Newton"
                        : s.method == scene::StaticSpec::Method::implicitEuler ? "implicit Euler with damping"
                                                                               : "Newton and implicit Euler, compared";
-  fmt::print("\nAnalyses:\n  static{}: {}, at t = {:g} s\n", scene.staticAnalysis ? "" : " (defaults)", method, s.time_s);
+  fmt::print("\nAnalyses:\n  static{}: {}, at t = {:g} s\n", scene.staticAnalysis ? "" : " (defaults)", method,
+             s.time_s);
   if (scene.gait) {
     fmt::print("  gait: {:g} s, output every {:g} s, integrator {}, accuracy {:g}{}\n", scene.gait->duration_s,
                scene.gait->outputInterval_s, scene.gait->integrator, scene.gait->accuracy,
@@ -184,7 +195,8 @@ void explainLeftOut(const Built& built) {
   const Scene& scene = built.scene;
   std::vector<std::string> left;
   const auto all = [&](auto&& test) {
-    return std::all_of(scene.contacts.begin(), scene.contacts.end(), [&](const auto& pair) { return test(pair.definition); });
+    return std::all_of(scene.contacts.begin(), scene.contacts.end(),
+                       [&](const auto& pair) { return test(pair.definition); });
   };
   using Definition = contact::ContactPairDefinition;
   if (all([](const Definition& d) { return !needsMap(d.movingThickness); })) {
@@ -200,10 +212,13 @@ void explainLeftOut(const Built& built) {
   if (all([](const Definition& d) { return d.correction == contact::Correction::none; })) {
     left.emplace_back("midsurface correction: switched off");
   }
-  if (all([](const Definition& d) { return d.tracking == contact::Tracking::lipschitz || d.tracking == contact::Tracking::all; })) {
+  if (all([](const Definition& d) {
+        return d.tracking == contact::Tracking::lipschitz || d.tracking == contact::Tracking::all;
+      })) {
     left.emplace_back("breadth-first search: the tracking method does not use it");
   }
-  if (all([](const Definition& d) { return d.copyTolerance < 0; })) left.emplace_back("copying of stored results: switched off");
+  if (all([](const Definition& d) { return d.copyTolerance < 0; }))
+    left.emplace_back("copying of stored results: switched off");
   left.emplace_back("contact energy and fields of single elements: computed for outputs only, not while integrating");
   if (!scene.model) {
     left.emplace_back("bodies, joint, loads and time integration: the scene has no model");

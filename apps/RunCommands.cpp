@@ -62,9 +62,9 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
   }
   if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);
   if (!common.console.quiet) {
-    fmt::print("{}\n{}\nComputed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n", scene.name,
-               output.table, trajectory.wallTime_s, trajectory.cpuTime_s, trajectory.statistics.contactEvaluations,
-               output.folder.string());
+    fmt::print("{}\n{}\nComputed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n",
+               scene.name, output.table, trajectory.wallTime_s, trajectory.cpuTime_s,
+               trajectory.statistics.contactEvaluations, output.folder.string());
   }
   if (trajectory.failed) {
     spdlog::error("{}: {}", scene.file.string(), trajectory.statusText);
@@ -74,14 +74,10 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
 }
 
 ordered_json toJson(const model::StaticResult& result) {
-  ordered_json json = {{"method", result.method},
-                       {"status_text", result.statusText},
-                       {"residual_N", result.residual_N},
-                       {"max_acceleration_m_per_s2", result.maxAcceleration},
-                       {"iterations", result.iterations},
-                       {"contact_evaluations", result.contactEvaluations},
-                       {"wall_time_s", result.wallTime_s},
-                       {"constraint_force_N_or_Nm", result.constraintForce}};
+  ordered_json json = {{"method", result.method},          {"status_text", result.statusText},
+                       {"residual_N", result.residual_N},  {"max_acceleration_m_per_s2", result.maxAcceleration},
+                       {"iterations", result.iterations},  {"contact_evaluations", result.contactEvaluations},
+                       {"wall_time_s", result.wallTime_s}, {"constraint_force_N_or_Nm", result.constraintForce}};
   if (result.methodDifference_m) json["method_difference_m"] = *result.methodDifference_m;
   return json;
 }
@@ -158,7 +154,8 @@ int runReplayCommand(const RunOptions& options, const CommonOptions& common) {
   fallback += options.grid.empty() ? "-replay" : "-replay-" + options.grid;
   const fs::path folder = chooseOutput(options, fallback);
   if (fs::weakly_canonical(folder) == fs::weakly_canonical(options.scene)) {
-    throw InputError(fmt::format("--output \"{}\": the results being replayed are there; choose another folder", folder.string()));
+    throw InputError(
+        fmt::format("--output \"{}\": the results being replayed are there; choose another folder", folder.string()));
   }
   report::OutputFolder::check(folder);
   RunOptions runOptions = options;

@@ -20,21 +20,26 @@ using namespace genu::app;
 
 constexpr const char* kExitCodes =
     "Exit codes: 0 done; 1 internal error; 2 wrong input or command line; 3 the computation failed or has no meaning\n"
-    "(no convergence, full penetration, contact never made); 130 interrupted, what was computed is written and marked.\n";
+    "(no convergence, full penetration, contact never made); 130 interrupted, what was computed is written and "
+    "marked.\n";
 
 void addCommonOptions(CLI::App& command, CommonOptions& common) {
-  command.add_option("--data", common.dataFolder, "Folder of `data:` paths; default: environment variable GENU_DATA_DIR")
+  command
+      .add_option("--data", common.dataFolder, "Folder of `data:` paths; default: environment variable GENU_DATA_DIR")
       ->type_name("DIR");
   command.add_flag("-q,--quiet", common.console.quiet, "Errors only");
   command.add_flag("-v,--verbose", common.console.verbose, "More messages");
   command.add_flag("--progress", common.console.progress, "Progress lines also where stderr is not a terminal");
 }
 
-void addRunOptions(CLI::App& command, RunOptions& options, const std::string& outputDefault, const std::string& gridText) {
-  command.add_option("-o,--output", options.output, "Folder for the results; default: " + outputDefault)->type_name("DIR");
+void addRunOptions(CLI::App& command, RunOptions& options, const std::string& outputDefault,
+                   const std::string& gridText) {
+  command.add_option("-o,--output", options.output, "Folder for the results; default: " + outputDefault)
+      ->type_name("DIR");
   command.add_option("--grid", options.grid, gridText)->type_name("NXxNZ");
-  command.add_option("--reference", options.reference,
-                     "Table with a known motion to draw and compare, columns like rx_deg, z_mm over time or percent_cycle")
+  command
+      .add_option("--reference", options.reference,
+                  "Table with a known motion to draw and compare, columns like rx_deg, z_mm over time or percent_cycle")
       ->type_name("FILE");
   command.add_option("--side", options.side, "Labels of the pressure maps; x is posterior in a right knee")
       ->check(CLI::IsMember({"right", "left"}))
@@ -78,7 +83,8 @@ int run(int argc, char** argv) {
   command = app.add_subcommand("gait", "Integrate the motion over a cycle");
   addScene(*command, runOptions.scene);
   addRunOptions(*command, runOptions, "results/SCENE-gait", "Elements of every compartment instead of the scene's");
-  command->add_flag("--keep-failed", runOptions.keepFailed, "Write what was computed before a failure, marked incomplete");
+  command->add_flag("--keep-failed", runOptions.keepFailed,
+                    "Write what was computed before a failure, marked incomplete");
   addCommonOptions(*command, common);
   command->footer(std::string("\nExamples:\n  genu gait models/artificial_knee/gait.yaml --output gait\n"
                               "  genu gait my_knee.yaml --reference measured.csv --progress\n\n"
@@ -87,32 +93,40 @@ int run(int argc, char** argv) {
   actions[command] = [&] { return runGaitCommand(runOptions, common); };
 
   command = app.add_subcommand("replay", "Evaluate the contact along a finished run, on another grid");
-  command->add_option("RESULTS", runOptions.scene, "Results folder of `genu gait`, `genu static` or `genu replay`")->required();
-  addRunOptions(*command, runOptions, "RESULTS-replay-NXxNZ", "Elements of every compartment; default: the run's scene");
+  command->add_option("RESULTS", runOptions.scene, "Results folder of `genu gait`, `genu static` or `genu replay`")
+      ->required();
+  addRunOptions(*command, runOptions, "RESULTS-replay-NXxNZ",
+                "Elements of every compartment; default: the run's scene");
   addCommonOptions(*command, common);
-  command->footer(std::string("\nExample:\n  genu replay gait --grid 50x50 --output gait50\n\n"
-                              "The scene and its inputs are taken from the results folder, as they were during the run.\n") +
-                  kExitCodes);
+  command->footer(
+      std::string("\nExample:\n  genu replay gait --grid 50x50 --output gait50\n\n"
+                  "The scene and its inputs are taken from the results folder, as they were during the run.\n") +
+      kExitCodes);
   actions[command] = [&] { return runReplayCommand(runOptions, common); };
 
   command = app.add_subcommand("contact", "Evaluate the contact once, at a given pose");
   addScene(*command, contactOptions.scene);
-  command->add_option("--pose", contactOptions.pose,
-                      "\"rx, ry, rz, x, y, z\" with units: pose of the moving body in the fixed one, R = Rx Ry Rz")
+  command
+      ->add_option("--pose", contactOptions.pose,
+                   "\"rx, ry, rz, x, y, z\" with units: pose of the moving body in the fixed one, R = Rx Ry Rz")
       ->required()
       ->type_name("POSE");
-  command->add_option("--grid", contactOptions.grid, "Elements of every compartment instead of the scene's")->type_name("NXxNZ");
+  command->add_option("--grid", contactOptions.grid, "Elements of every compartment instead of the scene's")
+      ->type_name("NXxNZ");
   command->add_flag("--json", contactOptions.json, "JSON on stdout instead of a table");
-  command->add_option("--field", contactOptions.field, "Write the elements with pressure, penetration, ... to a .vtp or .csv")
+  command
+      ->add_option("--field", contactOptions.field,
+                   "Write the elements with pressure, penetration, ... to a .vtp or .csv")
       ->type_name("FILE");
   addCommonOptions(*command, common);
-  command->footer(std::string("\nExamples:\n"
-                              "  genu contact sphere.yaml --pose \"0 deg, 0 deg, 0 deg, 0 mm, 35.8 mm, 0 mm\"\n"
-                              "  genu contact knee.yaml --pose \"0 deg, 2 deg, -30 deg, 0 mm, 33 mm, 0 mm\" --grid 200x200 "
-                              "--json --field field.vtp\n\n"
-                              "Without contact every number is zero and the exit code 0. Where the pressure has no meaning\n"
-                              "(full penetration) there are no numbers and the exit code is 3.\n") +
-                  kExitCodes);
+  command->footer(
+      std::string("\nExamples:\n"
+                  "  genu contact sphere.yaml --pose \"0 deg, 0 deg, 0 deg, 0 mm, 35.8 mm, 0 mm\"\n"
+                  "  genu contact knee.yaml --pose \"0 deg, 2 deg, -30 deg, 0 mm, 33 mm, 0 mm\" --grid 200x200 "
+                  "--json --field field.vtp\n\n"
+                  "Without contact every number is zero and the exit code 0. Where the pressure has no meaning\n"
+                  "(full penetration) there are no numbers and the exit code is 3.\n") +
+      kExitCodes);
   actions[command] = [&] { return runContactCommand(contactOptions, common); };
 
   command = app.add_subcommand("fit", "Fit one NURBS patch to a region of a triangle mesh");

@@ -11,7 +11,7 @@ namespace genu::fit {
 class CubicBasis {
  public:
   struct Row {
-    int first = 0;                   ///< index of the first of four functions that are not zero
+    int first = 0;  ///< index of the first of four functions that are not zero
     std::array<double, 4> N{}, dN{}, ddN{};
   };
 

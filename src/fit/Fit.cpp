@@ -25,7 +25,8 @@ constexpr double kDegree = contact::kPi / 180;
 std::string formatBox(const Eigen::AlignedBox3d& box) {
   char text[160];
   std::snprintf(text, sizeof text, "x %.2f .. %.2f, y %.2f .. %.2f, z %.2f .. %.2f mm", box.min().x() * 1e3,
-                box.max().x() * 1e3, box.min().y() * 1e3, box.max().y() * 1e3, box.min().z() * 1e3, box.max().z() * 1e3);
+                box.max().x() * 1e3, box.min().y() * 1e3, box.max().y() * 1e3, box.min().z() * 1e3,
+                box.max().z() * 1e3);
   return text;
 }
 
@@ -78,9 +79,9 @@ TriangleMesh selectRegion(const FitOptions& options, const TriangleMesh& mesh, F
       if (!options.box.contains(mesh.vertices[static_cast<size_t>(i)])) keep[t] = 0;
     }
   }
-  TriangleMesh region = keepIf(mesh, keep,
-                               file + ": the box selects no triangle; after the transform the mesh spans " +
-                                   formatBox(report.meshBox));
+  TriangleMesh region =
+      keepIf(mesh, keep,
+             file + ": the box selects no triangle; after the transform the mesh spans " + formatBox(report.meshBox));
 
   report.parametrization = options.fit.parametrization;
   if (options.fit.parametrization.shape == PatchShape::condyle) {
@@ -107,8 +108,8 @@ TriangleMesh selectRegion(const FitOptions& options, const TriangleMesh& mesh, F
       }
     }
     region = keepIf(region, keep,
-                    file + ": the angles select no triangle; the box holds " + io::formatQuantity(least, "deg", 4) + " to " +
-                        io::formatQuantity(most, "deg", 4));
+                    file + ": the angles select no triangle; the box holds " + io::formatQuantity(least, "deg", 4) +
+                        " to " + io::formatQuantity(most, "deg", 4));
   }
 
   // One sheet only: what is seen edge on or from behind cannot be laid out.
@@ -127,7 +128,8 @@ TriangleMesh selectRegion(const FitOptions& options, const TriangleMesh& mesh, F
     keep[t] = (side >= 0 ? cosine[t] : -cosine[t]) >= options.minNormal;
     report.droppedBySide += keep[t] ? 0 : 1;
   }
-  region = keepIf(region, keep, file + ": no triangle of the selection faces the fit direction; allowed: a lower --min-normal");
+  region = keepIf(region, keep,
+                  file + ": no triangle of the selection faces the fit direction; allowed: a lower --min-normal");
 
   const MeshTopology pieces = analyzeMesh(region);
   if (pieces.components > 1) {
@@ -165,7 +167,8 @@ DeviationStatistics measureBetween(const contact::NurbsPatch& patch, const Trian
 }
 
 /** Sagitta of the facets: how much farther facet centers lie from the patch than their corners do. */
-double measureChordError(const contact::ContactSurface& surface, const TriangleMesh& region, const SurfaceFitResult& result) {
+double measureChordError(const contact::ContactSurface& surface, const TriangleMesh& region,
+                         const SurfaceFitResult& result) {
   std::vector<double> sagitta;
   const contact::NurbsPatch& patch = surface.patch(0);
   for (const auto& t : region.triangles) {
@@ -272,8 +275,9 @@ void collectNotes(const FitOptions& options, FitReport& r) {
   }
   if (!r.result.toleranceMet) {
     add("tolerance not met: mean " + io::formatQuantity(r.all.mean_m, "mm", 3) + " (asked " +
-        io::formatQuantity(options.fit.toleranceMean_m, "mm", 3) + "), max " + io::formatQuantity(r.all.max_m, "mm", 3) +
-        " (asked " + io::formatQuantity(options.fit.toleranceMax_m, "mm", 3) + ") with " + std::to_string(r.controlPoints[0]) + "x" +
+        io::formatQuantity(options.fit.toleranceMean_m, "mm", 3) + "), max " +
+        io::formatQuantity(r.all.max_m, "mm", 3) + " (asked " +
+        io::formatQuantity(options.fit.toleranceMax_m, "mm", 3) + ") with " + std::to_string(r.controlPoints[0]) + "x" +
         std::to_string(r.controlPoints[1]) + " control points, cap " + std::to_string(options.fit.maxPointsU) + "x" +
         std::to_string(options.fit.maxPointsV) + " (a span narrower than four mesh edges is not divided)");
   }
@@ -339,7 +343,8 @@ FitReport runFit(const FitOptions& given, const scene::Progress& progress) {
       if (options.contactBox.contains(region.vertices[i])) inside.push_back(result.deviation_m[i]);
     }
     if (inside.empty()) {
-      throw InputError("fit: the contact box holds no vertex of the region, which spans " + formatBox(report.regionBox));
+      throw InputError("fit: the contact box holds no vertex of the region, which spans " +
+                       formatBox(report.regionBox));
     }
     report.contact = calcStatistics(inside);
   }
@@ -381,8 +386,8 @@ std::string formatReport(const FitReport& r) {
   };
   text += "Fit " + r.name + "\n";
   add("  mesh            %d triangles, %d vertices (%d in the file), unit %s%s, %d piece%s\n", r.meshTriangles,
-      r.file.merge.verticesAfter, r.file.merge.verticesBefore, toString(r.file.unit), r.file.unitGuessed ? " (guessed)" : "",
-      r.topology.components, r.topology.components == 1 ? "" : "s");
+      r.file.merge.verticesAfter, r.file.merge.verticesBefore, toString(r.file.unit),
+      r.file.unitGuessed ? " (guessed)" : "", r.topology.components, r.topology.components == 1 ? "" : "s");
   text += "  bounding box    " + formatBox(r.meshBox) + "\n";
   text += "  transform       " + formatPose(r.X_PM) + "\n";
   for (int i = 0; i < 3; ++i) {

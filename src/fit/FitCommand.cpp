@@ -11,10 +11,12 @@ namespace {
 
 using io::Dimension;
 
-std::vector<std::string> splitExactly(const std::string& text, size_t count, const std::string& form, const std::string& where) {
+std::vector<std::string> splitExactly(const std::string& text, size_t count, const std::string& form,
+                                      const std::string& where) {
   std::vector<std::string> parts = io::splitList(text);
   if (parts.size() != count) {
-    throw InputError(where + ": \"" + text + "\" has " + std::to_string(parts.size()) + " values; needed: \"" + form + "\"");
+    throw InputError(where + ": \"" + text + "\" has " + std::to_string(parts.size()) + " values; needed: \"" + form +
+                     "\"");
   }
   return parts;
 }
@@ -37,7 +39,8 @@ Box parseBox(const std::string& text, const std::string& where) {
     box.min[i] = bound(parts[2 * i]);
     box.max[i] = bound(parts[2 * i + 1]);
     if (box.min[i] && box.max[i] && !(*box.min[i] < *box.max[i])) {
-      throw InputError(where + ": \"" + parts[2 * i] + ", " + parts[2 * i + 1] + "\": the first bound must be the lower one");
+      throw InputError(where + ": \"" + parts[2 * i] + ", " + parts[2 * i + 1] +
+                       "\": the first bound must be the lower one");
     }
   }
   return box;
@@ -46,14 +49,15 @@ Box parseBox(const std::string& text, const std::string& where) {
 Pose parsePose(const std::string& text, const std::string& where) {
   const auto parts = splitExactly(text, 6, "rx, ry, rz, x, y, z", where);
   contact::JointCoordinates q{};
-  for (size_t i = 0; i < 6; ++i) q[i] = io::parseQuantity(parts[i], i < 3 ? Dimension::angle : Dimension::length, where);
+  for (size_t i = 0; i < 6; ++i)
+    q[i] = io::parseQuantity(parts[i], i < 3 ? Dimension::angle : Dimension::length, where);
   return contact::calcPose(q);
 }
 
 std::array<int, 2> parseCounts(const std::string& text, const std::string& where) {
   int u = 0, v = 0, used = 0;
-  if (std::sscanf(text.c_str(), "%d%*1[xX]%d%n", &u, &v, &used) != 2 || used != static_cast<int>(text.size()) || u < 4 ||
-      v < 4 || u > 200 || v > 200) {
+  if (std::sscanf(text.c_str(), "%d%*1[xX]%d%n", &u, &v, &used) != 2 || used != static_cast<int>(text.size()) ||
+      u < 4 || v < 4 || u > 200 || v > 200) {
     throw InputError(where + ": \"" + text + "\"; allowed: UxV with both from 4 to 200, such as 20x15");
   }
   return {u, v};
@@ -73,14 +77,17 @@ T chooseWord(const std::string& text, const std::vector<std::pair<const char*, T
 
 void addFitOptions(CLI::App& app, FitOptions& o) {
   const auto add = [&app](const char* name, const char* help, const char* form, auto&& set) {
-    app.add_option_function<std::string>(name, [set](const std::string& text) { set(text); }, help)->type_name(form);
+    app.add_option_function<std::string>(
+           name, [set](const std::string& text) { set(text); }, help)
+        ->type_name(form);
   };
   app.add_option("mesh", o.mesh, "Open triangle mesh: .stl, .obj or .vtp")->required()->type_name("MESH");
   app.add_option("-o,--output", o.outputDir, "Folder for the results (made if missing)")->type_name("DIR");
   app.add_option("--name", o.name, "Name of the patch and its files; default: the mesh's name")->type_name("NAME");
-  add("--unit", "Length unit of the mesh; default: guessed from its size and reported", "m|mm", [&o](const std::string& s) {
-    o.unit = chooseWord<LengthUnit>(s, {{"m", LengthUnit::m}, {"mm", LengthUnit::mm}}, "--unit");
-  });
+  add("--unit", "Length unit of the mesh; default: guessed from its size and reported", "m|mm",
+      [&o](const std::string& s) {
+        o.unit = chooseWord<LengthUnit>(s, {{"m", LengthUnit::m}, {"mm", LengthUnit::mm}}, "--unit");
+      });
   add("--shape", "plateau (laid out along x and z) or condyle (by angle about z, and z); default plateau", "SHAPE",
       [&o](const std::string& s) {
         o.fit.parametrization.shape =
@@ -124,7 +131,8 @@ void addFitOptions(CLI::App& app, FitOptions& o) {
         const auto parts = splitExactly(s, 2, "from, to", "--angles");
         o.angles_rad = {io::parseQuantity(parts[0], Dimension::angle, "--angles"),
                         io::parseQuantity(parts[1], Dimension::angle, "--angles")};
-        if (!((*o.angles_rad)[0] < (*o.angles_rad)[1])) throw InputError("--angles: \"" + s + "\": the first must be the lower one");
+        if (!((*o.angles_rad)[0] < (*o.angles_rad)[1]))
+          throw InputError("--angles: \"" + s + "\": the first must be the lower one");
       });
   add("--axis", "Condyle: x and y of the axis, \"x, y\"; default: fitted circle", "POINT", [&o](const std::string& s) {
     const auto parts = splitExactly(s, 2, "x, y", "--axis");
@@ -142,15 +150,18 @@ void addFitOptions(CLI::App& app, FitOptions& o) {
     o.fit.minPointsU = std::min(o.fit.minPointsU, counts[0]);
     o.fit.minPointsV = std::min(o.fit.minPointsV, counts[1]);
   });
-  add("--tolerance-mean", "Mean deviation asked for; default \"0.005 mm\"", "LENGTH",
-      [&o](const std::string& s) { o.fit.toleranceMean_m = io::parseQuantity(s, Dimension::length, "--tolerance-mean"); });
-  add("--tolerance-max", "Largest deviation asked for; default \"0.05 mm\"", "LENGTH",
-      [&o](const std::string& s) { o.fit.toleranceMax_m = io::parseQuantity(s, Dimension::length, "--tolerance-max"); });
+  add("--tolerance-mean", "Mean deviation asked for; default \"0.005 mm\"", "LENGTH", [&o](const std::string& s) {
+    o.fit.toleranceMean_m = io::parseQuantity(s, Dimension::length, "--tolerance-mean");
+  });
+  add("--tolerance-max", "Largest deviation asked for; default \"0.05 mm\"", "LENGTH", [&o](const std::string& s) {
+    o.fit.toleranceMax_m = io::parseQuantity(s, Dimension::length, "--tolerance-max");
+  });
   app.add_option("--fairing", o.fit.fairing, "Weight of the thin-plate energy; default 1e-9")->type_name("WEIGHT");
   add("--fall-away", "Radius with which the patch bends away from contact beyond the mesh; inf: not; default \"15 mm\"",
       "LENGTH", [&o](const std::string& s) {
         o.fit.fallAwayRadius_m = io::parseQuantityOrInfinity(s, Dimension::length, "--fall-away");
-        if (!(o.fit.fallAwayRadius_m > 0)) throw InputError("--fall-away: \"" + s + "\"; allowed: greater than 0 mm, or inf");
+        if (!(o.fit.fallAwayRadius_m > 0))
+          throw InputError("--fall-away: \"" + s + "\"; allowed: greater than 0 mm, or inf");
       });
   add("--contact-box", "Second set of deviations, over this part of the region; as --box", "BOX",
       [&o](const std::string& s) { o.contactBox = parseBox(s, "--contact-box"); });

@@ -5,7 +5,6 @@
 #include <map>
 #include <numeric>
 #include <unordered_map>
-
 #include <unsupported/Eigen/BVH>
 
 namespace genu::fit {

@@ -1,13 +1,13 @@
 #include "genu/fit/MeshFile.h"
 
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+
+#include <assimp/Importer.hpp>
 #include <cmath>
 #include <cstdint>
 #include <fstream>
 #include <sstream>
-
-#include <assimp/postprocess.h>
-#include <assimp/scene.h>
-#include <assimp/Importer.hpp>
 
 #include "VtpReader.h"
 #include "genu/io/Files.h"
@@ -34,7 +34,8 @@ void checkBinaryStl(const std::string& content, const std::filesystem::path& fil
                      " bytes are too few for an STL file (header and count: 84 bytes)");
   }
   std::uint32_t count = 0;
-  for (size_t i = 0; i < 4; ++i) count |= static_cast<std::uint32_t>(static_cast<unsigned char>(content[80 + i])) << 8 * i;
+  for (size_t i = 0; i < 4; ++i)
+    count |= static_cast<std::uint32_t>(static_cast<unsigned char>(content[80 + i])) << 8 * i;
   const std::uint64_t wanted = 84 + 50 * static_cast<std::uint64_t>(count);
   if (content.size() == wanted) return;
   const bool ascii = content.compare(0, 5, "solid") == 0 && content.find("facet") != std::string::npos;
@@ -99,8 +100,8 @@ LengthUnit decideUnit(const std::filesystem::path& file, double diagonal, std::o
                      ", is that of a joint surface neither in m nor in mm; say which with --unit m or --unit mm");
   }
   if (*said == LengthUnit::m && (diagonal > 2 || diagonal < 1e-3)) {
-    throw InputError("mesh " + quote(file) + ": in the unit said, m, it is " + size +
-                     " across; allowed: 1 mm to 2 m" + (fitsMm ? ". It looks like mm: use --unit mm" : ""));
+    throw InputError("mesh " + quote(file) + ": in the unit said, m, it is " + size + " across; allowed: 1 mm to 2 m" +
+                     (fitsMm ? ". It looks like mm: use --unit mm" : ""));
   }
   if (*said == LengthUnit::mm && (diagonal > 2000 || diagonal < 1)) {
     throw InputError("mesh " + quote(file) + ": in the unit said, mm, it is " + sizeMm +
@@ -121,12 +122,14 @@ MeshFile readMeshFile(const std::filesystem::path& file, std::optional<LengthUni
   } else if (extension == ".vtp") {
     result.mesh = readVtp(io::readFile(file), file);
   } else {
-    throw InputError("mesh " + quote(file) + ": extension \"" + extension + "\" is not read; allowed: .stl, .obj, .vtp");
+    throw InputError("mesh " + quote(file) + ": extension \"" + extension +
+                     "\" is not read; allowed: .stl, .obj, .vtp");
   }
   if (result.mesh.triangles.empty()) throw InputError("mesh " + quote(file) + ": empty: it holds no triangle");
   for (size_t i = 0; i < result.mesh.vertices.size(); ++i) {
     if (!result.mesh.vertices[i].allFinite()) {
-      throw InputError("mesh " + quote(file) + ": vertex " + std::to_string(i + 1) + " has a coordinate that is not finite");
+      throw InputError("mesh " + quote(file) + ": vertex " + std::to_string(i + 1) +
+                       " has a coordinate that is not finite");
     }
   }
   result.info.merge = mergeEqualVertices(result.mesh);

@@ -63,7 +63,8 @@ struct Spline {
   void solve(const std::vector<Condition>& conditions, double fairing);
 
  private:
-  // Lower-triangle 3x3 blocks of the normal matrix: control point a = (i, j) with b = (i + di, j + dj), di 0..3, dj -3..3.
+  // Lower-triangle 3x3 blocks of the normal matrix: control point a = (i, j) with b = (i + di, j + dj), di 0..3, dj
+  // -3..3.
   static constexpr int kBlocks = 28;
   static int block(int di, int dj) { return di * 7 + dj + 3; }
 };
@@ -113,8 +114,8 @@ void Spline::solve(const std::vector<Condition>& conditions, double fairing) {
                        vv = ru.N[index(i)] * rv.ddN[index(j)];
           for (int k = i; k < 4; ++k) {
             for (int l = k == i ? j : 0; l < 4; ++l) {
-              const double energy = uu * ru.ddN[index(k)] * rv.N[index(l)] + 2 * uv * ru.dN[index(k)] * rv.dN[index(l)] +
-                                    vv * ru.N[index(k)] * rv.ddN[index(l)];
+              const double energy = uu * ru.ddN[index(k)] * rv.N[index(l)] +
+                                    2 * uv * ru.dN[index(k)] * rv.dN[index(l)] + vv * ru.N[index(k)] * rv.ddN[index(l)];
               blocks[index(a * kBlocks + block(k - i, l - j))].diagonal().array() += fairing * wu * wv * energy;
             }
           }
@@ -146,7 +147,8 @@ void Spline::solve(const std::vector<Condition>& conditions, double fairing) {
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(matrix);
   const Eigen::VectorXd x = solver.solve(rhs.col(0));
   if (solver.info() != Eigen::Success || !x.allFinite()) {
-    throw ComputationError("surface fit: the least-squares system is singular; give more fairing or fewer control points");
+    throw ComputationError(
+        "surface fit: the least-squares system is singular; give more fairing or fewer control points");
   }
   points.resize(index(n));
   for (int a = 0; a < n; ++a) points[index(a)] = x.segment<3>(3 * a);
@@ -263,7 +265,8 @@ void Fitter::updateFallAway() {
       // Distances in (u, v), which are lengths: those of the surface itself would feed back where it is loose.
       const double r = std::hypot(u - uB, v - vB);
       const auto limited = [](const Vec3& tangent) { return Vec3(tangent / std::max(1.0, tangent.norm())); };
-      const Vec3 target = b.S + (u - uB) * limited(b.Su) + (v - vB) * limited(b.Sv) - r * r / (2 * options_.fallAwayRadius_m) * n;
+      const Vec3 target =
+          b.S + (u - uB) * limited(b.Su) + (v - vB) * limited(b.Sv) - r * r / (2 * options_.fallAwayRadius_m) * n;
       const Mat3 metric = kTangentialWeight * Mat3::Identity() + (1 - kTangentialWeight) * n * n.transpose();
       fallAway_.push_back({u, v, kFallAwayWeight * du * dv / area_, target, metric});
     }
@@ -337,8 +340,8 @@ void Fitter::reduceMaximum() {
   samples_ = std::move(bestSamples);
 }
 
-/** Adds the knot line, out of the worst strips of both directions, that lowers the deviation most. Fourth powers: between
- the mean and the maximum, which both have a tolerance. */
+/** Adds the knot line, out of the worst strips of both directions, that lowers the deviation most. Fourth powers:
+ between the mean and the maximum, which both have a tolerance. */
 bool Fitter::refine() {
   struct Candidate {
     bool alongU;
@@ -380,23 +383,26 @@ bool Fitter::refine() {
   if (candidates.empty()) return false;
   double best = std::numeric_limits<double>::infinity();
   Spline bestSpline = spline_;
-  std::vector<Sample> bestSamples;
   for (const Candidate& candidate : candidates) {
     Spline trial = spline_;
     (candidate.alongU ? trial.u : trial.v).insertKnot(candidate.knot);
-    std::vector<Sample> samples = samples_;
-    solve(trial, samples, kTangentialWeight);
-    measure(trial, samples);
+    solve(trial, samples_, kTangentialWeight);
+    // The feet have hardly moved: the normal offset at the old parameters tells the trials apart.
+    const NurbsPatch patch(trial.toData());
     double quartic = 0;
-    for (const Sample& s : samples) quartic += s.weight * std::pow(s.deviation, 4);
+    for (const Sample& s : samples_) {
+      const auto d = patch.evaluate(s.u, s.v);
+      const Vec3 offset = s.point - d.S;
+      const double distance = s.onEdge ? offset.norm() : offset.dot(d.Su.cross(d.Sv).normalized());
+      quartic += s.weight * std::pow(distance, 4);
+    }
     if (quartic < best) {
       best = quartic;
       bestSpline = std::move(trial);
-      bestSamples = std::move(samples);
     }
   }
   spline_ = std::move(bestSpline);
-  samples_ = std::move(bestSamples);
+  measure(spline_, samples_);
   return true;
 }
 

@@ -31,7 +31,8 @@ class Reader {
       fail("not a VTK XML PolyData file (<VTKFile type=\"PolyData\">)");
     }
     if (std::string_view(root.attribute("byte_order").as_string("LittleEndian")) != "LittleEndian") {
-      fail("byte_order \"" + std::string(root.attribute("byte_order").value()) + "\" is not read; allowed: LittleEndian");
+      fail("byte_order \"" + std::string(root.attribute("byte_order").value()) +
+           "\" is not read; allowed: LittleEndian");
     }
     const std::string_view headerType = root.attribute("header_type").as_string("UInt32");
     if (headerType != "UInt32" && headerType != "UInt64") fail("header_type must be UInt32 or UInt64");
@@ -46,7 +47,9 @@ class Reader {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& reason) const { throw InputError("mesh \"" + file_.string() + "\": " + reason); }
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw InputError("mesh \"" + file_.string() + "\": " + reason);
+  }
 
   void parse() {
     // Raw appended data is not XML: cut it out first.
@@ -75,10 +78,12 @@ class Reader {
     const pugi::xml_node polys = piece.child("Polys");
     const unsigned long long count = piece.attribute("NumberOfPolys").as_ullong();
     if (count == 0) return;
-    const auto connectivity =
-        readArray<std::int64_t>(polys.find_child_by_attribute("DataArray", "Name", "connectivity"), "Polys connectivity");
-    const auto offsets = readArray<std::int64_t>(polys.find_child_by_attribute("DataArray", "Name", "offsets"), "Polys offsets");
-    if (offsets.size() != count) fail("Polys: " + std::to_string(offsets.size()) + " offsets for " + std::to_string(count) + " polygons");
+    const auto connectivity = readArray<std::int64_t>(
+        polys.find_child_by_attribute("DataArray", "Name", "connectivity"), "Polys connectivity");
+    const auto offsets =
+        readArray<std::int64_t>(polys.find_child_by_attribute("DataArray", "Name", "offsets"), "Polys offsets");
+    if (offsets.size() != count)
+      fail("Polys: " + std::to_string(offsets.size()) + " offsets for " + std::to_string(count) + " polygons");
     const int first = mesh.numVertices();
     const auto numPoints = static_cast<std::int64_t>(points.size() / 3);
     for (size_t i = 0; i < points.size(); i += 3) mesh.vertices.emplace_back(points[i], points[i + 1], points[i + 2]);
@@ -89,12 +94,14 @@ class Reader {
         fail("polygon " + std::to_string(p + 1) + " has " + std::to_string(corners) +
              " corners; only triangles are read (triangulate it first)");
       }
-      if (offsets[p] > static_cast<std::int64_t>(connectivity.size())) fail("Polys: offsets go beyond the connectivity");
+      if (offsets[p] > static_cast<std::int64_t>(connectivity.size()))
+        fail("Polys: offsets go beyond the connectivity");
       std::array<int, 3> triangle{};
       for (size_t k = 0; k < 3; ++k) {
         const std::int64_t i = connectivity[static_cast<size_t>(begin) + k];
         if (i < 0 || i >= numPoints) {
-          fail("polygon " + std::to_string(p + 1) + " uses point " + std::to_string(i) + " of " + std::to_string(numPoints));
+          fail("polygon " + std::to_string(p + 1) + " uses point " + std::to_string(i) + " of " +
+               std::to_string(numPoints));
         }
         triangle[k] = first + static_cast<int>(i);
       }
@@ -113,7 +120,8 @@ class Reader {
     if (format == "binary") {
       bytes = decodeBase64Block(node.text().get(), what);
     } else if (format == "appended") {
-      const unsigned long long offset = node.attribute("offset").as_ullong(std::numeric_limits<unsigned long long>::max());
+      const unsigned long long offset =
+          node.attribute("offset").as_ullong(std::numeric_limits<unsigned long long>::max());
       if (offset >= appended_.size()) fail(what + ": truncated: offset beyond the appended data");
       const std::string_view data = appended_.substr(offset);
       bytes = appendedBase64_ ? decodeBase64Block(data, what) : decodeRawBlock(data, what);
@@ -134,8 +142,8 @@ class Reader {
     size_t at = 0;
     while ((at = text.find_first_not_of(" \t\r\n", at)) != std::string_view::npos) {
       const size_t end = std::min(text.find_first_of(" \t\r\n", at), text.size());
-      values.push_back(static_cast<T>(io::parseNumber(std::string(text.substr(at, end - at)),
-                                                      "mesh \"" + file_.string() + "\": " + what)));
+      values.push_back(static_cast<T>(
+          io::parseNumber(std::string(text.substr(at, end - at)), "mesh \"" + file_.string() + "\": " + what)));
       at = end;
     }
     return values;
@@ -143,7 +151,8 @@ class Reader {
 
   template <class From, class To>
   std::vector<To> convert(const Bytes& bytes, const std::string& what) const {
-    if (bytes.size() % sizeof(From) != 0) fail(what + ": " + std::to_string(bytes.size()) + " bytes are no whole number of values");
+    if (bytes.size() % sizeof(From) != 0)
+      fail(what + ": " + std::to_string(bytes.size()) + " bytes are no whole number of values");
     std::vector<To> values(bytes.size() / sizeof(From));
     for (size_t i = 0; i < values.size(); ++i) {
       From value;
@@ -159,9 +168,11 @@ class Reader {
     return value;
   }
 
-  /** Sizes announced at the head of a block: uncompressed {bytes}; zlib {blocks, block size, last block size, compressed
-   sizes...}. `numWords` is how many words the head has in all once its first word is known. */
-  size_t countHeaderWords(std::uint64_t firstWord) const { return compressed_ ? 3 + static_cast<size_t>(firstWord) : 1; }
+  /** Sizes announced at the head of a block: uncompressed {bytes}; zlib {blocks, block size, last block size,
+   compressed sizes...}. `numWords` is how many words the head has in all once its first word is known. */
+  size_t countHeaderWords(std::uint64_t firstWord) const {
+    return compressed_ ? 3 + static_cast<size_t>(firstWord) : 1;
+  }
 
   std::uint64_t calcPayload(const std::vector<std::uint64_t>& header) const {
     if (!compressed_) return header[0];
@@ -265,6 +276,8 @@ class Reader {
 
 }  // namespace
 
-TriangleMesh readVtp(const std::string& content, const std::filesystem::path& file) { return Reader(content, file).read(); }
+TriangleMesh readVtp(const std::string& content, const std::filesystem::path& file) {
+  return Reader(content, file).read();
+}
 
 }  // namespace genu::fit

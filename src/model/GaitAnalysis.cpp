@@ -36,12 +36,7 @@ class KneeOde : public OdeProblem {
     try {
       setState(t, y);
       knee_.system().realize(state_, SimTK::Stage::Velocity);
-      const EvaluationStatus status = knee_.contact().getStatus(state_);
-      if (status > EvaluationStatus::extrapolated) {
-        fullPenetration_ = status == EvaluationStatus::fullPenetration;
-        failure_ = fullPenetration_ ? "full penetration" : "a closest-point query did not converge";
-        return Evaluation::retry;
-      }
+      if (!checkStatus()) return Evaluation::retry;
       knee_.system().realize(state_, SimTK::Stage::Acceleration);
       const SimTK::Vector& udot = state_.getUDot();
       const size_t n = free_.size();
@@ -69,32 +64,39 @@ class KneeOde : public OdeProblem {
     return y;
   }
 
-  scene::Frame makeFrame(double t, const std::vector<double>& y) {
-    setState(t, y.data());
-    scene::Frame frame;
-    frame.time_s = t;
-    knee_.system().realize(state_, SimTK::Stage::Position);
-    for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
-      frame.contacts.push_back(knee_.contact().getResultWithEnergy(state_, i));
+  /** False when the pose is not valid; failure() then says why. */
+  bool makeFrame(double t, const std::vector<double>& y, scene::Frame& frame) {
+    try {
+      setState(t, y.data());
+      const SimTK::MultibodySystem& system = knee_.system();
+      system.realize(state_, SimTK::Stage::Position);
+      for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
+        frame.contacts.push_back(knee_.contact().getResultWithEnergy(state_, i));
+      }
+      if (!checkStatus()) return false;
+      system.realize(state_, SimTK::Stage::Acceleration);
+      frame.time_s = t;
+      for (int i = 0; i < 6; ++i) {
+        const auto k = static_cast<size_t>(i);
+        frame.q[k] = state_.getQ()[i];
+        frame.qdot[k] = state_.getU()[i];
+        frame.qddot[k] = state_.getUDot()[i];
+      }
+      touched_ = touched_ || hasContact();
+      // What inverse dynamics without the constraints asks for is what the constraints supply.
+      SimTK::Vector force;
+      knee_.matter().calcResidualForceIgnoringConstraints(
+          state_, system.getMobilityForces(state_, SimTK::Stage::Dynamics),
+          system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), state_.getUDot(), force);
+      frame.constraintForce.assign(6, 0.0);
+      for (int i = 0; i < 6; ++i) {
+        if (knee_.isPrescribed(i)) frame.constraintForce[static_cast<size_t>(i)] = force[i];
+      }
+      return true;
+    } catch (const std::exception& error) {
+      failure_ = error.what();
+      return false;
     }
-    knee_.system().realize(state_, SimTK::Stage::Acceleration);
-    for (int i = 0; i < 6; ++i) {
-      const auto k = static_cast<size_t>(i);
-      frame.q[k] = state_.getQ()[i];
-      frame.qdot[k] = state_.getU()[i];
-      frame.qddot[k] = state_.getUDot()[i];
-    }
-    touched_ = touched_ || hasContact();
-    // What inverse dynamics without the constraints asks for is what the constraints supply.
-    SimTK::Vector force;
-    knee_.matter().calcResidualForceIgnoringConstraints(
-        state_, knee_.system().getMobilityForces(state_, SimTK::Stage::Dynamics),
-        knee_.system().getRigidBodyForces(state_, SimTK::Stage::Dynamics), state_.getUDot(), force);
-    frame.constraintForce.assign(6, 0.0);
-    for (int i = 0; i < 6; ++i) {
-      if (knee_.isPrescribed(i)) frame.constraintForce[static_cast<size_t>(i)] = force[i];
-    }
-    return frame;
   }
 
   bool touched() const { return touched_; }
@@ -117,6 +119,14 @@ class KneeOde : public OdeProblem {
     for (size_t k = 0; k < n; ++k) q[free_[k]] = y[k];
     SimTK::Vector& u = state_.updU();
     for (size_t k = 0; k < n; ++k) u[free_[k]] = y[n + k];
+  }
+
+  bool checkStatus() {
+    const EvaluationStatus status = knee_.contact().getStatus(state_);
+    if (status <= EvaluationStatus::extrapolated) return true;
+    fullPenetration_ = status == EvaluationStatus::fullPenetration;
+    failure_ = fullPenetration_ ? "full penetration" : "a closest-point query did not converge";
+    return false;
   }
 
   bool hasContact() const {
@@ -171,29 +181,45 @@ void integrate(KneeOde& ode, OdeIntegrator& integrator, const std::vector<double
     result.statusText = "failed at " + atTime(t) + ": " +
                         (ode.failure().empty() ? integrator.errorText() : ode.failure()) + ode.advice();
   };
-  if (!integrator.initialize(0, y0, times.back())) {
-    fail(0);
-    return;
-  }
-  result.frames.push_back(ode.makeFrame(0, y0));
-  size_t next = 1;
-  std::vector<double> y;
-  while (next < times.size()) {
-    if (progress && !progress(integrator.time() / times.back())) {
-      result.statusText = "interrupted at " + atTime(integrator.time());
+  const auto addFrame = [&](double t, double outputTime, const std::vector<double>& y) {
+    scene::Frame frame;
+    if (!ode.makeFrame(t, y, frame)) {
+      fail(t);
+      return false;
+    }
+    frame.time_s = outputTime;
+    result.frames.push_back(std::move(frame));
+    return true;
+  };
+  const auto mayContinue = [&](double t) {
+    if (!progress || progress(t / times.back())) return true;
+    result.statusText = "interrupted at " + atTime(t);
+    return false;
+  };
+
+  if (ode.size() == 0) {  // all coordinates prescribed: nothing to integrate
+    for (double t : times) {
+      if (!mayContinue(t) || !addFrame(t, t, y0)) return;
+    }
+  } else {
+    if (!integrator.initialize(0, y0, times.back())) {
+      fail(0);
       return;
     }
-    if (!integrator.step()) {
-      fail(integrator.time());
-      return;
-    }
-    const double reached = integrator.time();
-    for (; next < times.size() && times[next] <= reached * (1 + 1e-14); ++next) {
-      const double t = std::min(times[next], reached);
-      integrator.interpolate(t, y);
-      scene::Frame frame = ode.makeFrame(t, y);
-      frame.time_s = times[next];
-      result.frames.push_back(std::move(frame));
+    if (!addFrame(0, 0, y0)) return;
+    std::vector<double> y;
+    for (size_t next = 1; next < times.size();) {
+      if (!mayContinue(integrator.time())) return;
+      if (!integrator.step()) {
+        fail(integrator.time());
+        return;
+      }
+      const double reached = integrator.time();
+      for (; next < times.size() && times[next] <= reached * (1 + 1e-14); ++next) {
+        const double t = std::min(times[next], reached);
+        integrator.interpolate(t, y);
+        if (!addFrame(t, times[next], y)) return;
+      }
     }
   }
   result.complete = true;
@@ -252,7 +278,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   }
 
   integrate(ode, *integrator, ode.start(q, qdot), gait, progress, result);
-  const OdeIntegrator::Statistics counts = integrator->statistics();
+  const OdeIntegrator::Statistics counts = ode.size() > 0 ? integrator->statistics() : OdeIntegrator::Statistics{};
   const ArticularContactSubsystem::Counters& work = ode.counters();
   scene::IntegratorStatistics& out = result.statistics;
   out.name = integrator->name();

@@ -164,15 +164,15 @@ std::string formatTable(const scene::Scene& scene, const std::vector<ContactResu
   size_t width = 11;
   for (const auto& row : rows) width = std::max(width, row.name.size());
 
-  std::string text = fmt::format("{:<{}}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}\n", "", width, "force", "|force|",
-                                 "|torque|", "peak", "mean", "area", "elements");
-  text += fmt::format("{:<{}}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}\n", "compartment", width, "N", "N", "N m",
-                      "MPa", "MPa", "mm^2", "");
+  std::string text = fmt::format("{:<{}}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}\n", "", width, "force",
+                                 "|force|", "|torque|", "peak", "mean", "area", "elements");
+  text += fmt::format("{:<{}}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>9}  {:>8}\n", "compartment", width, "N", "N",
+                      "N m", "MPa", "MPa", "mm^2", "");
   for (const auto& [name, load] : rows) {
-    text += fmt::format("{:<{}}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>8}\n", name, width,
-                        load.scalarForce_N, load.forceOnM_F.norm(), load.momentOnM_Fo_F.norm(),
-                        load.peakPressure_Pa * 1e-6, load.meanPressure_Pa * 1e-6, load.area_m2 * 1e6,
-                        load.activeElements);
+    text +=
+        fmt::format("{:<{}}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>9.4g}  {:>8}\n", name, width,
+                    load.scalarForce_N, load.forceOnM_F.norm(), load.momentOnM_Fo_F.norm(), load.peakPressure_Pa * 1e-6,
+                    load.meanPressure_Pa * 1e-6, load.area_m2 * 1e6, load.activeElements);
   }
   text += "force: sum of pressure times area; |force|, |torque|: of the resultant, torque about the fixed origin\n";
   return text;

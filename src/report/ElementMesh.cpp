@@ -34,8 +34,8 @@ void appendCompartment(const CompartmentDefinition& compartment, const std::vect
       for (int k = 0; k < 2; ++k) {
         const double x = compartment.x0_m + (e.ix + i) * dx, z = compartment.z0_m + (e.iz + k) * dz;
         const size_t at = corner(e.ix + i, e.iz + k);
-        height[at] += e.p_FA.y() -
-                      (e.normal_F.x() * (x - e.p_FA.x()) + e.normal_F.z() * (z - e.p_FA.z())) / e.normal_F.y();
+        height[at] +=
+            e.p_FA.y() - (e.normal_F.x() * (x - e.p_FA.x()) + e.normal_F.z() * (z - e.p_FA.z())) / e.normal_F.y();
         ++count[at];
       }
     }
@@ -46,7 +46,8 @@ void appendCompartment(const CompartmentDefinition& compartment, const std::vect
       const size_t at = corner(i, k);
       if (count[at] == 0) continue;
       index[at] = static_cast<std::int32_t>(mesh.numPoints());
-      mesh.points.insert(mesh.points.end(), {compartment.x0_m + i * dx, height[at] / count[at], compartment.z0_m + k * dz});
+      mesh.points.insert(mesh.points.end(),
+                         {compartment.x0_m + i * dx, height[at] / count[at], compartment.z0_m + k * dz});
     }
   }
   for (const auto& e : elements) {
@@ -82,13 +83,16 @@ void addCellData(const std::vector<std::vector<ElementField>>& fields, bool full
   data.push_back(makeArray<Real>("thickness_m", 1, fields, [](const ElementField& e, size_t) { return e.h_m; }));
   data.push_back(makeArray<Real>("distance_m", 1, fields, [](const ElementField& e, size_t) { return e.distance_m; }));
   data.push_back(makeArray<Real>("area_m2", 1, fields, [](const ElementField& e, size_t) { return e.area_m2; }));
-  data.push_back(makeArray<std::uint8_t>("contact", 1, fields, [](const ElementField& e, size_t) { return e.active ? 1 : 0; }));
-  data.push_back(makeArray<std::uint8_t>("compartment", 1, fields, [](const ElementField&, size_t c) { return static_cast<int>(c); }));
+  data.push_back(
+      makeArray<std::uint8_t>("contact", 1, fields, [](const ElementField& e, size_t) { return e.active ? 1 : 0; }));
+  data.push_back(makeArray<std::uint8_t>("compartment", 1, fields,
+                                         [](const ElementField&, size_t c) { return static_cast<int>(c); }));
   data.push_back(makeArray<std::int32_t>("ix", 1, fields, [](const ElementField& e, size_t) { return e.ix; }));
   data.push_back(makeArray<std::int32_t>("iz", 1, fields, [](const ElementField& e, size_t) { return e.iz; }));
   if (!full) return;
   data.push_back(makeArray<Real>("center_m", 3, fields, [](const ElementField& e, size_t) -> Vec3 { return e.p_FA; }));
-  data.push_back(makeArray<Real>("normal", 3, fields, [](const ElementField& e, size_t) -> Vec3 { return e.normal_F; }));
+  data.push_back(
+      makeArray<Real>("normal", 3, fields, [](const ElementField& e, size_t) -> Vec3 { return e.normal_F; }));
   data.push_back(makeArray<Real>("force_direction", 3, fields,
                                  [](const ElementField& e, size_t) -> Vec3 { return e.forceDirection_F; }));
 }

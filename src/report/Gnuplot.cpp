@@ -58,9 +58,10 @@ DrawResult runGnuplot(const fs::path& folder, const std::vector<std::string>& sc
     pid_t child = -1;
     const int error = start(folder, script, script + ".log", child);
     if (error != 0) {
-      result.problem = error == ENOENT ? "gnuplot is not installed (Debian: gnuplot-nox); the scripts and data for it are "
-                                         "in plots/"
-                                       : std::string("gnuplot could not be started: ") + std::strerror(error);
+      result.problem = error == ENOENT
+                           ? "gnuplot is not installed (Debian: gnuplot-nox); the scripts and data for it are "
+                             "in plots/"
+                           : std::string("gnuplot could not be started: ") + std::strerror(error);
       break;
     }
     jobs.push_back({script, child});

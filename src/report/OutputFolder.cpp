@@ -19,8 +19,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::array<const char*, 8> kOurNames = {"summary.json", "motion.sto",   "contact.sto",  "pressure.pvd",
-                                                  "maps",         "surfaces",     "plots",        "scene"};
+constexpr std::array<const char*, 8> kOurNames = {"summary.json", "motion.sto", "contact.sto", "pressure.pvd",
+                                                  "maps",         "surfaces",   "plots",       "scene"};
 
 fs::path normalize(const fs::path& folder) {
   fs::path path = fs::absolute(folder).lexically_normal();
@@ -97,7 +97,8 @@ OutputFolder::OutputFolder(const fs::path& folder) : folder_(normalize(folder)) 
   fs::create_directories(folder_.parent_path(), error);
   if (error) fail(folder, "cannot create \"" + folder_.parent_path().string() + "\": " + error.message());
   std::string name = (folder_.parent_path() / ("." + folder_.filename().string() + ".XXXXXX")).string();
-  if (mkdtemp(name.data()) == nullptr) fail(folder, std::string("cannot create a folder beside it: ") + std::strerror(errno));
+  if (mkdtemp(name.data()) == nullptr)
+    fail(folder, std::string("cannot create a folder beside it: ") + std::strerror(errno));
   staging_ = name;
   // mkdtemp makes it private; results get the permissions of any other new folder.
   const mode_t mask = umask(0);

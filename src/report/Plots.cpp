@@ -29,15 +29,17 @@ constexpr const char* kCommon =
 std::string quote(const std::string& text) {
   std::string out = "'";
   for (const char c : text) {
-    if (c == '\'') out += "''";
-    else out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+    if (c == '\'')
+      out += "''";
+    else
+      out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
   }
   return out + "'";
 }
 
-constexpr std::array<const char*, 6> kCoordinateTitles = {"varus-valgus rx",       "internal-external ry",
-                                                          "flexion-extension rz",  "anterior-posterior x",
-                                                          "superior-inferior y",   "medial-lateral z"};
+constexpr std::array<const char*, 6> kCoordinateTitles = {"varus-valgus rx",      "internal-external ry",
+                                                          "flexion-extension rz", "anterior-posterior x",
+                                                          "superior-inferior y",  "medial-lateral z"};
 
 struct Curve {
   std::string title;
@@ -71,8 +73,10 @@ std::string makeTimeScript(const std::string& name, const std::vector<Panel>& pa
     const Panel& panel = panels[static_cast<size_t>(i)];
     const double high = top - i * (panelHeight + gap);
     script += fmt::format(
-        "\nset lmargin at screen 0.105\nset rmargin at screen 0.80\nset tmargin at screen {:.5f}\nset bmargin at screen "
-        "{:.5f}\nset ylabel {} offset 0.5\nset key at screen 0.815, screen {:.5f} left center vertical Left reverse samplen "
+        "\nset lmargin at screen 0.105\nset rmargin at screen 0.80\nset tmargin at screen {:.5f}\nset bmargin at "
+        "screen "
+        "{:.5f}\nset ylabel {} offset 0.5\nset key at screen 0.815, screen {:.5f} left center vertical Left reverse "
+        "samplen "
         "2.5 spacing 1.3\n",
         high, high - panelHeight, quote(panel.label), high - panelHeight / 2);
     script += i + 1 < count ? "set format x ''\nunset xlabel\n" : "set format x '%g'\nset xlabel 'time (s)'\n";
@@ -81,8 +85,9 @@ std::string makeTimeScript(const std::string& name, const std::vector<Panel>& pa
     script += "plot ";
     for (size_t c = 0; c < panel.curves.size(); ++c) {
       const Curve& curve = panel.curves[c];
-      script += fmt::format("{}'{}.dat' using 1:{} with lines lw 2.5 dt {} lc rgb '{}' title {}", c == 0 ? "" : ", \\\n     ",
-                            name, curve.column, curve.dash, curve.color, quote(curve.title));
+      script +=
+          fmt::format("{}'{}.dat' using 1:{} with lines lw 2.5 dt {} lc rgb '{}' title {}", c == 0 ? "" : ", \\\n     ",
+                      name, curve.column, curve.dash, curve.color, quote(curve.title));
     }
     const int reference = referenceColumns.empty() ? 0 : referenceColumns[static_cast<size_t>(i)];
     if (reference > 0) {
@@ -123,14 +128,16 @@ std::string writeMotionPlot(OutputFolder& out, const scene::Scene& scene, const 
                             const RunInfo& info) {
   std::vector<int> shown;
   for (int i = 0; i < 6; ++i) {
-    if (!scene.model || std::holds_alternative<scene::FreeCoordinate>(scene.model->coordinates[static_cast<size_t>(i)])) {
+    if (!scene.model ||
+        std::holds_alternative<scene::FreeCoordinate>(scene.model->coordinates[static_cast<size_t>(i)])) {
       shown.push_back(i);
     }
   }
   if (shown.empty()) return {};
   const auto scale = [](int i) { return i < 3 ? 180 / contact::kPi : 1e3; };
   std::string data = "# time_s";
-  for (int i : shown) data += fmt::format(" {}_{}", scene::kCoordinateNames[static_cast<size_t>(i)], i < 3 ? "deg" : "mm");
+  for (int i : shown)
+    data += fmt::format(" {}_{}", scene::kCoordinateNames[static_cast<size_t>(i)], i < 3 ? "deg" : "mm");
   data += "\n";
   for (const auto& frame : trajectory.frames) {
     data += fmt::format("{}", frame.time_s);
@@ -159,8 +166,9 @@ std::string writeMotionPlot(OutputFolder& out, const scene::Scene& scene, const 
     }
     io::writeFileAtomically(out.file("plots/motion_reference.dat"), text);
   }
-  writePlot(out, "motion", data,
-            makeTimeScript("motion", panels, calcTimeRange(trajectory.frames), "motion_reference.dat", referenceColumns));
+  writePlot(
+      out, "motion", data,
+      makeTimeScript("motion", panels, calcTimeRange(trajectory.frames), "motion_reference.dat", referenceColumns));
   return "motion.gp";
 }
 
@@ -197,13 +205,14 @@ std::string writePressurePlot(OutputFolder& out, const scene::Scene& scene, cons
     area.curves.push_back({names[i], column + 2, color, 1});
     header += fmt::format(" {0}.peak_MPa {0}.mean_MPa {0}.area_mm2", names[i]);
   }
-  writePlot(out, "pressures",
-            makeLoadData(scene, trajectory.frames, header,
-                         [](const NetLoad& load) {
-                           return std::array<double, 3>{load.peakPressure_Pa * 1e-6, load.meanPressure_Pa * 1e-6,
-                                                        load.area_m2 * 1e6};
-                         }),
-            makeTimeScript("pressures", {pressure, area}, calcTimeRange(trajectory.frames)));
+  writePlot(
+      out, "pressures",
+      makeLoadData(
+          scene, trajectory.frames, header,
+          [](const NetLoad& load) {
+            return std::array<double, 3>{load.peakPressure_Pa * 1e-6, load.meanPressure_Pa * 1e-6, load.area_m2 * 1e6};
+          }),
+      makeTimeScript("pressures", {pressure, area}, calcTimeRange(trajectory.frames)));
   return "pressures.gp";
 }
 
@@ -230,7 +239,8 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
       const double dx = 500 * (compartment.x1_m - compartment.x0_m) / compartment.nx;
       const double dz = 500 * (compartment.z1_m - compartment.z0_m) / compartment.nz;
       for (const auto& e : panels[p].fields[c]) {
-        data += fmt::format("{:.6g} {:.6g} {:.6g} {:.6g} {:.6g}\n", e.p_FA.z() * 1e3, e.p_FA.x() * 1e3, dz, dx, e.p_Pa * 1e-6);
+        data += fmt::format("{:.6g} {:.6g} {:.6g} {:.6g} {:.6g}\n", e.p_FA.z() * 1e3, e.p_FA.x() * 1e3, dz, dx,
+                            e.p_Pa * 1e-6);
       }
     }
     io::writeFileAtomically(out.file(fmt::format("plots/{}_{}.dat", name, p + 1)), data);
@@ -254,7 +264,8 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
       "# Draw again with: gnuplot {0}.gp\n"
       "set terminal pngcairo size {1:.0f},{2:.0f} font 'DejaVu Sans,13' background rgb 'white' noenhanced\n"
       "set output '{0}.png'\n{3}unset grid\nunset key\n"
-      "set palette defined (0 '#440154', 1 '#46327e', 2 '#365c8d', 3 '#277f8e', 4 '#1fa187', 5 '#4ac16d', 6 '#a0da39', 7 "
+      "set palette defined (0 '#440154', 1 '#46327e', 2 '#365c8d', 3 '#277f8e', 4 '#1fa187', 5 '#4ac16d', 6 '#a0da39', "
+      "7 "
       "'#fde725')\n"
       "set cbrange [0:{4:.6g}]\n"
       "set style fill solid 1.0 border\n"
@@ -263,14 +274,16 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
   // Seen from above (along -y). Right knee: x posterior, so anterior is up at -x and medial (+z) is to the left.
   script += leftKnee ? fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", z0, z1, x0, x1)
                      : fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", z1, z0, x1, x0);
-  script += leftKnee ? "set xlabel '← lateral    z (mm)    medial →'\n" : "set xlabel '← medial    z (mm)    lateral →'\n";
+  script +=
+      leftKnee ? "set xlabel '← lateral    z (mm)    medial →'\n" : "set xlabel '← medial    z (mm)    lateral →'\n";
   script += h > 270 ? "set ylabel '← posterior    x (mm)    anterior →'\n" : "set ylabel 'x (mm)    anterior →'\n";
   for (int p = 0; p < count; ++p) {
     const MapPanel& panel = panels[static_cast<size_t>(p)];
     const double px = (p % columns) * cellW + (columns * cellW < W ? (W - cellW) / 2 : 0) + left;
     const double py = H - (p / columns) * cellH - top;  // upper edge
     script += fmt::format(
-        "\nset lmargin at screen {:.5f}\nset rmargin at screen {:.5f}\nset tmargin at screen {:.5f}\nset bmargin at screen "
+        "\nset lmargin at screen {:.5f}\nset rmargin at screen {:.5f}\nset tmargin at screen {:.5f}\nset bmargin at "
+        "screen "
         "{:.5f}\n",
         px / W, (px + w) / W, py / H, (py - h) / H);
     script += "unset label\n";
@@ -286,11 +299,13 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
       script += "unset colorbox\n";
     } else {
       script += fmt::format(
-          "set colorbox horizontal user origin {:.5f},{:.5f} size {:.5f},{:.5f} noinvert\nset cblabel 'contact pressure "
+          "set colorbox horizontal user origin {:.5f},{:.5f} size {:.5f},{:.5f} noinvert\nset cblabel 'contact "
+          "pressure "
           "(MPa)' offset 0,0.2\n",
           barX / W, barY / H, barW / W, 22.0 / H);
       script += fmt::format(
-          "set label 101 'seen from above; grey: elements out of contact; + center of pressure' at screen {:.5f},{:.5f} "
+          "set label 101 'seen from above; grey: elements out of contact; + center of pressure' at screen "
+          "{:.5f},{:.5f} "
           "center font ',11' tc rgb '#404040'\n",
           (barX + barW / 2) / W, (barY + 40) / H);
     }

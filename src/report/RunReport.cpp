@@ -1,9 +1,9 @@
 #include "genu/report/RunReport.h"
 
-#include <Eigen/Core>
 #include <fmt/format.h>
 #include <sys/resource.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -55,7 +55,8 @@ bool isTable(const scene::TimeFunction& function) { return std::holds_alternativ
 /** A name that is safe as part of a file name. */
 std::string makeFileName(std::string name) {
   for (char& c : name) {
-    const bool safe = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    const bool safe =
+        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
     if (!safe) c = '_';
   }
   return name.empty() ? "pair" : name;
@@ -90,9 +91,9 @@ void writeMotion(OutputFolder& out, const Scene& scene, const Trajectory& trajec
 
 void writeContact(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
   static constexpr std::array<const char*, 17> kQuantities = {
-      "force_x_N", "force_y_N", "force_z_N", "moment_x_Nm", "moment_y_Nm", "moment_z_Nm",
-      "scalar_force_N", "peak_pressure_Pa", "mean_pressure_Pa", "area_m2", "active_elements",
-      "cop_x_m", "cop_y_m", "cop_z_m", "energy_J", "max_strain", "status"};
+      "force_x_N",      "force_y_N",        "force_z_N",        "moment_x_Nm", "moment_y_Nm",     "moment_z_Nm",
+      "scalar_force_N", "peak_pressure_Pa", "mean_pressure_Pa", "area_m2",     "active_elements", "cop_x_m",
+      "cop_y_m",        "cop_z_m",          "energy_J",         "max_strain",  "status"};
   std::vector<std::string> names = listCompartmentNames(scene);
   names.emplace_back("total");
   io::Table table;
@@ -207,7 +208,9 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
         surfaces.emplace_back(frame.time_s, name);
       }
       const double percent = 100 * (frame.time_s - trajectory.frames.front().time_s) / duration_s;
-      panels.push_back({info.analysis == "static" ? scene.name : fmt::format("t = {:.3g} s  ({:.0f} % of cycle)", frame.time_s, percent),
+      panels.push_back({info.analysis == "static"
+                            ? scene.name
+                            : fmt::format("t = {:.3g} s  ({:.0f} % of cycle)", frame.time_s, percent),
                         fields, result.compartments});
     }
     if (info.plots && !panels.empty()) {
@@ -398,7 +401,8 @@ std::string nowUtc() {
 
 size_t findMaximumLoad(const Scene& scene, const Trajectory& trajectory) {
   bool varies = false;
-  for (const auto& load : scene.loads) varies = varies || std::any_of(load.force_N.begin(), load.force_N.end(), isTable);
+  for (const auto& load : scene.loads)
+    varies = varies || std::any_of(load.force_N.begin(), load.force_N.end(), isTable);
   size_t best = 0;
   double largest = -1;
   for (size_t i = 0; i < trajectory.frames.size(); ++i) {
@@ -451,20 +455,23 @@ ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s) {
     }
   }
   if (reference.coordinate.empty()) {
-    throw InputError(file.string() +
-                     ": reference motion: no column is named after a coordinate and a unit, for example rx_deg or z_mm");
+    throw InputError(
+        file.string() +
+        ": reference motion: no column is named after a coordinate and a unit, for example rx_deg or z_mm");
   }
   return reference;
 }
 
-RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunInfo& info, const scene::Progress& progress) {
+RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunInfo& info,
+                   const scene::Progress& progress) {
   if (trajectory.frames.empty()) throw ComputationError("no result to write: " + trajectory.statusText);
   RunOutput output;
   output.folder = info.folder;
   const bool overTime = trajectory.frames.size() > 1;
   // A run that was cut short still refers to the cycle it was meant to cover.
   const double covered = trajectory.frames.back().time_s - trajectory.frames.front().time_s;
-  const double duration_s = std::max({scene.gait && overTime && !trajectory.complete ? scene.gait->duration_s : 0.0, covered, 1e-12});
+  const double duration_s =
+      std::max({scene.gait && overTime && !trajectory.complete ? scene.gait->duration_s : 0.0, covered, 1e-12});
 
   OutputFolder out(info.folder);
   writeMotion(out, scene, trajectory);
@@ -547,7 +554,8 @@ StoredRun readStoredRun(const fs::path& folder) {
   const fs::path file = folder / "summary.json";
   if (!fs::is_directory(folder)) throw InputError("\"" + folder.string() + "\": no such results folder");
   if (!fs::is_regular_file(file)) {
-    throw InputError("\"" + folder.string() + "\": no summary.json: not a results folder of `genu gait` or `genu static`");
+    throw InputError("\"" + folder.string() +
+                     "\": no summary.json: not a results folder of `genu gait` or `genu static`");
   }
   const auto json = nlohmann::json::parse(io::readFile(file), nullptr, false);
   const auto fail = [&](const std::string& reason) -> InputError { return InputError(file.string() + ": " + reason); };

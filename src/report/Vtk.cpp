@@ -92,7 +92,8 @@ class ArrayCollector {
   std::uint64_t offset_ = 0;
 };
 
-pugi::xml_node addArray(ArrayCollector& collector, pugi::xml_node parent, const VtkArray& array, size_t expectedTuples) {
+pugi::xml_node addArray(ArrayCollector& collector, pugi::xml_node parent, const VtkArray& array,
+                        size_t expectedTuples) {
   pugi::xml_node node;
   std::visit(
       [&](const auto& values) {

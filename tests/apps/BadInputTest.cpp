@@ -12,16 +12,17 @@ using ::testing::HasSubstr;
 /** A flat 60 mm square patch at y = 6 mm whose normal is +y, or -y with `flip`. */
 std::string makePatch(const std::string& knots, bool flip) {
   return R"({"format": "genu-nurbs", "version": 1, "length_unit": "mm", "patches": [{"name": "layer", "degree": [1, 1],
-  "knots_u": )" + knots + R"(, "knots_v": [0, 0, 1, 1], "flip_normal": )" + (flip ? "true" : "false") + R"(,
+  "knots_u": )" +
+         knots + R"(, "knots_v": [0, 0, 1, 1], "flip_normal": )" + (flip ? "true" : "false") + R"(,
   "points": [[[-30, 6, -30], [30, 6, -30]], [[-30, 6, 30], [30, 6, 30]]]}]})";
 }
 
 struct Case {
   std::string name;
-  std::vector<std::string> arguments;           ///< of the program
-  std::string scene;                            ///< text of scene.yaml
+  std::vector<std::string> arguments;  ///< of the program
+  std::string scene;                   ///< text of scene.yaml
   int exitCode;
-  std::vector<std::string> message;             ///< all of these are in it
+  std::vector<std::string> message;                             ///< all of these are in it
   std::vector<std::pair<std::string, std::string>> files = {};  ///< besides knee.urdf and gait.csv
 };
 
@@ -30,7 +31,8 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 std::vector<Case> makeCases() {
   const std::vector<std::string> gait = {"gait", "scene.yaml", "--output", "out"};
   const std::vector<std::string> statics = {"static", "scene.yaml", "--output", "out"};
-  const std::vector<std::string> contact = {"contact", "scene.yaml", "--pose", "0 deg, 0 deg, 0 deg, 0 mm, 35.8 mm, 0 mm", "--json"};
+  const std::vector<std::string> contact = {"contact", "scene.yaml", "--pose",
+                                            "0 deg, 0 deg, 0 deg, 0 mm, 35.8 mm, 0 mm", "--json"};
   const std::string knee = kKnee, ball = kBall;
   const std::string nurbs = replaced(ball, "{plane: {y0: 6 mm}}", "{nurbs: layer.json}");
   const std::string yFree = "    y: free\n";
@@ -40,24 +42,58 @@ std::vector<Case> makeCases() {
       {"MissingTable", gait, replaced(knee, "gait.csv", "walk.csv"), 2, {"scene.yaml", "rz", "walk.csv"}},
       {"MissingUrdf", gait, replaced(knee, "knee.urdf", "hip.urdf"), 2, {"hip.urdf"}},
       {"MalformedYaml", gait, replaced(knee, "materials:", "materials: [}"), 2, {"scene.yaml:8"}},
-      {"UnknownKey", gait, replaced(knee, "material: polyethylene", "materail: polyethylene"), 2, {"scene.yaml", "materail", "did you mean \"material\""}},
+      {"UnknownKey",
+       gait,
+       replaced(knee, "material: polyethylene", "materail: polyethylene"),
+       2,
+       {"scene.yaml", "materail", "did you mean \"material\""}},
       {"WrongUnit", gait, replaced(knee, "463 MPa", "463 mm"), 2, {"scene.yaml:9", "E", "463 mm", "MPa"}},
       {"NoUnit", gait, replaced(knee, "463 MPa", "463"), 2, {"scene.yaml:9", "E", "463", "MPa"}},
       {"NuOneHalf", gait, replaced(knee, "nu: 0.46", "nu: 0.5"), 2, {"scene.yaml:9", "nu", "0.5"}},
-      {"NegativeThickness", contact, replaced(ball, "thickness: 6 mm", "thickness: -6 mm"), 2, {"scene.yaml:9", "thickness", "-6 mm", "> 0"}},
-      {"InvertedNormals", contact, nurbs, 2, {"scene.yaml", "normal"}, {{"layer.json", makePatch("[0, 0, 1, 1]", true)}}},
-      {"KnotsNotMonotone", contact, nurbs, 2, {"layer.json", "knots"}, {{"layer.json", makePatch("[0, 0.5, 0.2, 1]", false)}}},
-      {"LoadOnPrescribedCoordinate", gait, replaced(knee, "analysis:", "  twist: {coordinate: ry, value: 1 N m}\nanalysis:"), 2, {"scene.yaml", "twist", "ry", "prescribed"}},
-      {"TableEndsTooEarly", gait, replaced(knee, "duration: 0.2 s", "duration: 0.5 s"), 2, {"scene.yaml", "gait.csv", "0.2", "0.5"}},
+      {"NegativeThickness",
+       contact,
+       replaced(ball, "thickness: 6 mm", "thickness: -6 mm"),
+       2,
+       {"scene.yaml:9", "thickness", "-6 mm", "> 0"}},
+      {"InvertedNormals",
+       contact,
+       nurbs,
+       2,
+       {"scene.yaml", "normal"},
+       {{"layer.json", makePatch("[0, 0, 1, 1]", true)}}},
+      {"KnotsNotMonotone",
+       contact,
+       nurbs,
+       2,
+       {"layer.json", "knots"},
+       {{"layer.json", makePatch("[0, 0.5, 0.2, 1]", false)}}},
+      {"LoadOnPrescribedCoordinate",
+       gait,
+       replaced(knee, "analysis:", "  twist: {coordinate: ry, value: 1 N m}\nanalysis:"),
+       2,
+       {"scene.yaml", "twist", "ry", "prescribed"}},
+      {"TableEndsTooEarly",
+       gait,
+       replaced(knee, "duration: 0.2 s", "duration: 0.5 s"),
+       2,
+       {"scene.yaml", "gait.csv", "0.2", "0.5"}},
       {"NanInTable", gait, knee, 2, {"gait.csv", "3", "nan"}, {{"gait.csv", replaced(kTable, "-5,800", "-5,nan")}}},
-      {"NoOverlap", contact, replaced(ball, "-5 mm, 5 mm, -5 mm, 5 mm", "-5 mm, 5 mm, 905 mm, 915 mm"), 2, {"scene.yaml", "all"},
+      {"NoOverlap",
+       contact,
+       replaced(ball, "-5 mm, 5 mm, -5 mm, 5 mm", "-5 mm, 5 mm, 905 mm, 915 mm"),
+       2,
+       {"scene.yaml", "all"},
        {}},
       {"ContactNeverMadeStatic", statics, replaced(knee, yFree, "    y: {prescribed: 60 mm}\n"), 3, {"contact"}},
       {"ContactNeverMadeGait", gait, replaced(knee, yFree, "    y: {prescribed: 60 mm}\n"), 3, {"contact"}},
       {"FullPenetrationStatic", statics, replaced(knee, yFree, "    y: {prescribed: 20 mm}\n"), 3, {"penetration"}},
       {"FullPenetrationGait", gait, replaced(knee, yFree, "    y: {prescribed: 20 mm}\n"), 3, {"penetration"}},
       {"NoModel", gait, ball, 2, {"scene.yaml", "model"}},
-      {"MeshInMillimetresSaidToBeMetres", {"fit", "mesh.stl", "--unit", "m", "--output", "out"}, ball, 2, {"mesh.stl", "mm"},
+      {"MeshInMillimetresSaidToBeMetres",
+       {"fit", "mesh.stl", "--unit", "m", "--output", "out"},
+       ball,
+       2,
+       {"mesh.stl", "mm"},
        {{"mesh.stl", R"(solid square
 facet normal 0 1 0
 outer loop

@@ -1,18 +1,17 @@
-#include "Program.h"
-
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
 #include <pugixml.hpp>
 
+#include "Program.h"
 #include "genu/io/Table.h"
 
 namespace genu::app::testing {
 namespace {
 
+using nlohmann::json;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using nlohmann::json;
 
 constexpr const char* kPose = "0 deg, 0 deg, 0 deg, 0 mm, 35.8 mm, 0 mm";
 
@@ -32,7 +31,8 @@ TEST_F(Contact, JsonHasThePromisedKeysAndTheClosedForm) {
     for (const char* key : {"force_on_moving_N", "moment_on_moving_about_fixed_origin_Nm", "center_of_pressure_m"}) {
       EXPECT_EQ(load.at(key).size(), 3u) << key;
     }
-    for (const char* key : {"scalar_force_N", "peak_pressure_Pa", "mean_pressure_Pa", "area_m2", "active_elements", "energy_J"}) {
+    for (const char* key :
+         {"scalar_force_N", "peak_pressure_Pa", "mean_pressure_Pa", "area_m2", "active_elements", "energy_J"}) {
       EXPECT_TRUE(load.at(key).is_number()) << key;
     }
   }
@@ -52,7 +52,8 @@ TEST_F(Contact, WithoutContactEverythingIsExactlyZero) {
 }
 
 TEST_F(Contact, FullPenetrationHasNoNumbersAndExitCode3) {
-  const Outcome outcome = run({"contact", "ball.yaml", "--pose", "0 deg, 0 deg, 0 deg, 0 mm, 28 mm, 0 mm", "--json", "--field", "f.vtp"});
+  const Outcome outcome =
+      run({"contact", "ball.yaml", "--pose", "0 deg, 0 deg, 0 deg, 0 mm, 28 mm, 0 mm", "--json", "--field", "f.vtp"});
   EXPECT_EQ(outcome.exitCode, 3);
   const json result = json::parse(outcome.out);
   EXPECT_EQ(result.size(), 2u);
@@ -64,7 +65,8 @@ TEST_F(Contact, FullPenetrationHasNoNumbersAndExitCode3) {
 TEST_F(Contact, ExtrapolationIsAWarningWithNumbers) {
   // 5.85 mm into 6 mm: beyond 95 %, not through. The grid is the middle, where the depth hardly changes.
   write("ball.yaml", replaced(kBall, "-5 mm, 5 mm, -5 mm, 5 mm", "-0.5 mm, 0.5 mm, -0.5 mm, 0.5 mm"));
-  const Outcome outcome = run({"contact", "ball.yaml", "--pose", "0 deg, 0 deg, 0 deg, 0 mm, 30.15 mm, 0 mm", "--json"});
+  const Outcome outcome =
+      run({"contact", "ball.yaml", "--pose", "0 deg, 0 deg, 0 deg, 0 mm, 30.15 mm, 0 mm", "--json"});
   ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
   EXPECT_EQ(json::parse(outcome.out).at("status"), "extrapolated");
   EXPECT_GT(json::parse(outcome.out).at("total").at("peak_pressure_Pa").get<double>(), 0);
@@ -137,7 +139,8 @@ TEST_F(Runs, GaitThenReplayOnAnotherGrid) {
   const auto force = [&](const char* folder) {
     return summary(folder).at("at_maximum_load").at("contact").at("total").at("scalar_force_N").get<double>();
   };
-  // The same grid gives the same contact; the pose went through degrees and back (1e-16 rad, 1e-17 m over 0.1 mm depth).
+  // The same grid gives the same contact; the pose went through degrees and back (1e-16 rad, 1e-17 m over 0.1 mm
+  // depth).
   EXPECT_NEAR(force("same") / force("out"), 1, 1e-9);
   ASSERT_EQ(run({"replay", "out/", "--grid", "40x40", "--no-plots", "--no-maps"}).exitCode, 0);
   EXPECT_EQ(summary("out-replay-40x40").at("grid").at("medial").at("nx"), 40);
@@ -159,9 +162,11 @@ TEST_F(Runs, StaticBalancesTheLoad) {
 
 TEST_F(Runs, InterruptedRunLeavesWhatItHasMarkedIncomplete) {
   // Tight accuracy makes it last; a per cent figure means integration has begun.
-  write("slow.yaml", replaced(replaced(kKnee, "duration: 0.2 s, output_interval: 10 ms", "duration: 0.2 s, output_interval: 0.1 ms, accuracy: 1e-12"),
+  write("slow.yaml", replaced(replaced(kKnee, "duration: 0.2 s, output_interval: 10 ms",
+                                       "duration: 0.2 s, output_interval: 0.1 ms, accuracy: 1e-12"),
                               "grid: 20x20", "grid: 60x60"));
-  const Outcome outcome = run({"gait", "slow.yaml", "--output", "out", "--progress", "--no-plots", "--no-maps"}, " %, ");
+  const Outcome outcome =
+      run({"gait", "slow.yaml", "--output", "out", "--progress", "--no-plots", "--no-maps"}, " %, ");
   ASSERT_EQ(outcome.exitCode, 130) << outcome.err << outcome.out;
   EXPECT_THAT(outcome.out, HasSubstr("INCOMPLETE"));
   EXPECT_THAT(outcome.err, HasSubstr(" left"));
@@ -186,8 +191,9 @@ TEST_F(Runs, CheckRunsNothing) {
 TEST_F(Runs, ExplainNamesWhatIsThereAndWhatIsNot) {
   const Outcome outcome = run({"explain", "knee.yaml"});
   ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
-  for (const char* part : {"femur", "rx free", "rz prescribed", "gait.csv", "medial: 20 x 20", "height above the plane",
-                           "linear, E = 463 MPa", "Left out", "root finding", "thickness map", "gravity: zero", "series"}) {
+  for (const char* part :
+       {"femur", "rx free", "rz prescribed", "gait.csv", "medial: 20 x 20", "height above the plane",
+        "linear, E = 463 MPa", "Left out", "root finding", "thickness map", "gravity: zero", "series"}) {
     EXPECT_THAT(outcome.out, HasSubstr(part));
   }
   EXPECT_THAT(outcome.out, ::testing::Not(HasSubstr("damping of the coordinates: none")));

@@ -1,9 +1,8 @@
-#include "genu/fit/FitCommand.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "SampleMeshes.h"
+#include "genu/fit/FitCommand.h"
 #include "genu/io/NurbsFile.h"
 #include "genu/scene/Scene.h"
 
@@ -45,7 +44,8 @@ class Fit : public testing::Test {
 };
 
 TEST_F(Fit, WritesPatchAndReport) {
-  const FitReport report = run({mesh("one.obj"), "--name", "plate", "--contact-box", "-8 mm, 8 mm, *, *, *, *", "--vtp"});
+  const FitReport report =
+      run({mesh("one.obj"), "--name", "plate", "--contact-box", "-8 mm, 8 mm, *, *, *, *", "--vtp"});
   const auto patches = io::readNurbsFile(folder / "out/plate.json");
   ASSERT_EQ(patches.size(), 1u);
   EXPECT_EQ(patches[0].name, "plate");
@@ -86,7 +86,9 @@ TEST_F(Fit, SaysWhereTheMeshIsWhenTheBoxMissesIt) {
   EXPECT_THAT(said, HasSubstr("selects no triangle"));
   EXPECT_THAT(said, HasSubstr("x -18.00 .. 18.00"));
   EXPECT_FALSE(std::filesystem::exists(folder / "out/one.json"));
-  EXPECT_THAT(messageOf<InputError>([&] { run({mesh("one.obj"), "--contact-box", "50 mm, *, *, *, *, *"}); }),
+  EXPECT_THAT(messageOf<InputError>([&] {
+                run({mesh("one.obj"), "--contact-box", "50 mm, *, *, *, *, *"});
+              }),
               HasSubstr("contact box holds no vertex"));
 }
 
@@ -110,8 +112,10 @@ TEST_F(Fit, MessagesNameOptionValueAndWhatIsAllowed) {
   EXPECT_THAT(message({"--angles", "0 deg, 10 deg"}), HasSubstr("--shape condyle"));
   EXPECT_THAT(message({"--name", "a/b"}), HasSubstr("name \"a/b\""));
   EXPECT_THAT(message({"--fall-away", "-1 mm"}), HasSubstr("--fall-away"));
-  EXPECT_THAT(message({"--transform", "0 rad, 0 rad, 0 rad, 0 m, 0 m, 0 m", "--frame", "bbox"}), HasSubstr("one of them"));
-  EXPECT_THAT(message({"--frame", "landmarks", "--medial", "0 mm, 0 mm, 9 mm"}), HasSubstr("landmark lateral is missing"));
+  EXPECT_THAT(message({"--transform", "0 rad, 0 rad, 0 rad, 0 m, 0 m, 0 m", "--frame", "bbox"}),
+              HasSubstr("one of them"));
+  EXPECT_THAT(message({"--frame", "landmarks", "--medial", "0 mm, 0 mm, 9 mm"}),
+              HasSubstr("landmark lateral is missing"));
 }
 
 }  // namespace

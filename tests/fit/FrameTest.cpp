@@ -1,9 +1,8 @@
-#include "genu/fit/Frame.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "SampleMeshes.h"
+#include "genu/fit/Frame.h"
 #include "genu/io/Units.h"
 #include "genu/scene/Scene.h"
 

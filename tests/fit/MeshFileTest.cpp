@@ -1,5 +1,3 @@
-#include "genu/fit/MeshFile.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <zlib.h>
@@ -7,6 +5,7 @@
 #include <cstring>
 
 #include "SampleMeshes.h"
+#include "genu/fit/MeshFile.h"
 #include "genu/report/Vtk.h"
 #include "genu/scene/Scene.h"
 
@@ -100,11 +99,11 @@ std::string toVtp(const TriangleMesh& mesh, const std::string& rootAttributes, c
     return "<DataArray type=\"" + type + "\" Name=\"" + name + "\" NumberOfComponents=\"" + std::to_string(components) +
            "\" " + attributes + ">" + (tail.empty() ? content[k] : "") + "</DataArray>\n";
   };
-  return "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" " + rootAttributes +
-         "><PolyData><Piece NumberOfPoints=\"" + std::to_string(mesh.numVertices()) + "\" NumberOfPolys=\"" +
-         std::to_string(mesh.numTriangles()) + "\">\n<Points>" + array("Float64", "Points", 0, 3) + "</Points>\n<Polys>" +
-         array("Int32", "connectivity", 1, 1) + array("Int32", "offsets", 2, 1) + "</Polys></Piece></PolyData>\n" + tail +
-         "</VTKFile>\n";
+  return "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" " +
+         rootAttributes + "><PolyData><Piece NumberOfPoints=\"" + std::to_string(mesh.numVertices()) +
+         "\" NumberOfPolys=\"" + std::to_string(mesh.numTriangles()) + "\">\n<Points>" +
+         array("Float64", "Points", 0, 3) + "</Points>\n<Polys>" + array("Int32", "connectivity", 1, 1) +
+         array("Int32", "offsets", 2, 1) + "</Polys></Piece></PolyData>\n" + tail + "</VTKFile>\n";
 }
 
 std::string sized(const std::string& bytes) {
@@ -165,20 +164,21 @@ TEST(MeshFile, AllFormatsGiveTheSameMesh) {
   for (const Vec3& p : mesh.vertices) points << p.x() << ' ' << p.y() << "\n " << p.z() << ' ';
   for (const auto& t : mesh.triangles) connectivity << t[0] << ' ' << t[1] << ' ' << t[2] << '\n';
   for (int t = 1; t <= mesh.numTriangles(); ++t) offsets << 3 * t << ' ';
-  expectSame(read("e.vtp", toVtp(mesh, "", "format=\"ascii\"", {points.str(), connectivity.str(), offsets.str()})), mesh,
-             "VTP ascii");
+  expectSame(read("e.vtp", toVtp(mesh, "", "format=\"ascii\"", {points.str(), connectivity.str(), offsets.str()})),
+             mesh, "VTP ascii");
 
   const std::string p = pointsBytes(mesh), c = connectivityBytes(mesh), o = offsetsBytes(mesh);
   expectSame(read("f.vtp", toVtp(mesh, "header_type=\"UInt64\"", "format=\"binary\"",
                                  {toBase64(sized(p)), toBase64(sized(c)), toBase64(sized(o))})),
              mesh, "VTP inline base64");
-  expectSame(read("g.vtp", toVtp(mesh, "header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\"", "format=\"binary\"",
-                                 {compressInBase64(p), compressInBase64(c), compressInBase64(o)})),
+  expectSame(read("g.vtp", toVtp(mesh, "header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\"",
+                                 "format=\"binary\"", {compressInBase64(p), compressInBase64(c), compressInBase64(o)})),
              mesh, "VTP inline zlib");
-  expectSame(read("h.vtp", toVtp(mesh, "header_type=\"UInt64\"", "format=\"appended\"",
-                                 {"0", std::to_string(p.size() + 8), std::to_string(p.size() + c.size() + 16)},
-                                 "<AppendedData encoding=\"raw\">\n_" + sized(p) + sized(c) + sized(o) + "\n</AppendedData>")),
-             mesh, "VTP appended raw");
+  expectSame(
+      read("h.vtp", toVtp(mesh, "header_type=\"UInt64\"", "format=\"appended\"",
+                          {"0", std::to_string(p.size() + 8), std::to_string(p.size() + c.size() + 16)},
+                          "<AppendedData encoding=\"raw\">\n_" + sized(p) + sized(c) + sized(o) + "\n</AppendedData>")),
+      mesh, "VTP appended raw");
 
   report::VtkMesh vtk;
   vtk.cornersPerCell = 3;
@@ -228,7 +228,8 @@ TEST(MeshFile, NamesWhatIsWrongWithAFile) {
   EXPECT_THAT(message("cut_ascii.stl", toAsciiStl(mesh).substr(0, 900)), HasSubstr("truncated"));
   EXPECT_THAT(message("none.stl", stl.substr(0, 80) + std::string(4, '\0')), HasSubstr("none.stl"));
   EXPECT_THAT(message("empty.obj", ""), HasSubstr("empty.obj"));
-  EXPECT_THAT(message("quad.obj", "v 0 0 0\nv 9 0 0\nv 9 0 9\nv 0 0 9\nf 1 2 3 4\n"), HasSubstr("only triangles are read"));
+  EXPECT_THAT(message("quad.obj", "v 0 0 0\nv 9 0 0\nv 9 0 9\nv 0 0 9\nf 1 2 3 4\n"),
+              HasSubstr("only triangles are read"));
   TriangleMesh bad = mesh;
   bad.vertices[5].y() = std::nan("");
   EXPECT_THAT(message("nan.stl", toBinaryStl(bad)), HasSubstr("not finite"));

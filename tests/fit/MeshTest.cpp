@@ -1,10 +1,9 @@
-#include "genu/fit/Mesh.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
 #include "SampleMeshes.h"
+#include "genu/fit/Mesh.h"
 
 namespace genu::fit {
 namespace {
@@ -46,8 +45,8 @@ TEST(Mesh, CountsNeighboursWithOppositeNormals) {
 
 // The tree must give the brute-force minimum; both compute the same triangle distance, so equality is to rounding.
 TEST(MeshDistance, EqualsBruteForce) {
-  const TriangleMesh mesh =
-      test::makeSheet(20e-3, 15e-3, 12, 9, [](double x, double z) { return 3e-3 * std::sin(200 * x) * std::cos(150 * z); });
+  const TriangleMesh mesh = test::makeSheet(
+      20e-3, 15e-3, 12, 9, [](double x, double z) { return 3e-3 * std::sin(200 * x) * std::cos(150 * z); });
   const MeshDistance tree(mesh);
   std::mt19937 random(7);
   std::uniform_real_distribution<double> at(-25e-3, 25e-3);

@@ -14,10 +14,10 @@ struct Case {
   const char* mesh;
   PatchShape shape;
   FileAxes axes;
-  double z0_mm, z1_mm;                  // region
-  double angle0_deg, angle1_deg;        // condyle
-  std::array<double, 4> contact_mm;     // x0, x1, z0, z1 of the contact box
-  double mean_um, max_um;               // targets: implant over the region, cartilage over the contact box
+  double z0_mm, z1_mm;               // region
+  double angle0_deg, angle1_deg;     // condyle
+  std::array<double, 4> contact_mm;  // x0, x1, z0, z1 of the contact box
+  double mean_um, max_um;            // targets: implant over the region, cartilage over the contact box
 };
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
@@ -87,10 +87,20 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"insert_medial", insert, plateau, FileAxes::paper, 6, 37, 0, 0, {-18, 15, 8, 35}, 5, 50},
         Case{"insert_lateral", insert, plateau, FileAxes::paper, -37, -6, 0, 0, {-18, 15, -35, -8}, 5, 50},
         Case{"femur_medial", femurCartilage, condyle, FileAxes::lateral, 6, kOpen, -50, 110, {-20, 15, 9, 27}, 30, 150},
-        Case{"femur_lateral", femurCartilage, condyle, FileAxes::lateral, -kOpen, -6, -50, 110, {-20, 15, -29, -9}, 30, 150},
+        Case{"femur_lateral",
+             femurCartilage,
+             condyle,
+             FileAxes::lateral,
+             -kOpen,
+             -6,
+             -50,
+             110,
+             {-20, 15, -29, -9},
+             30,
+             150},
         Case{"tibia_medial", tibiaCartilage, plateau, FileAxes::lateral, 0, kOpen, 0, 0, {-15, 9, 7, 26}, 30, 150},
         Case{"tibia_lateral", tibiaCartilage, plateau, FileAxes::lateral, -kOpen, 0, 0, 0, {-11, 8, -29, -9}, 30, 150}),
-    [](const testing::TestParamInfo<Case>& info) { return std::string(info.param.name); });
+    [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace
 }  // namespace genu::fit

@@ -59,7 +59,8 @@ inline void writeText(const std::filesystem::path& file, const std::string& text
 inline std::string toObj(const TriangleMesh& mesh, double scale) {
   std::ostringstream out;
   out.precision(9);
-  for (const Vec3& p : mesh.vertices) out << "v " << p.x() * scale << ' ' << p.y() * scale << ' ' << p.z() * scale << '\n';
+  for (const Vec3& p : mesh.vertices)
+    out << "v " << p.x() * scale << ' ' << p.y() * scale << ' ' << p.z() * scale << '\n';
   for (const auto& t : mesh.triangles) out << "f " << t[0] + 1 << ' ' << t[1] + 1 << ' ' << t[2] + 1 << '\n';
   return out.str();
 }

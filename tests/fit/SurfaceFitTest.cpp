@@ -1,5 +1,3 @@
-#include "genu/fit/SurfaceFit.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +5,7 @@
 
 #include "SampleMeshes.h"
 #include "genu/contact/ContactSurface.h"
+#include "genu/fit/SurfaceFit.h"
 #include "genu/scene/Scene.h"
 
 namespace genu::fit {
@@ -38,8 +37,8 @@ SurfaceFitOptions tight(int points) {
   return options;
 }
 
-// A bicubic polynomial lies in the space of the patch. What is left is the fairing's pull: 1e-14 times the area times the
-// fourth derivatives, far below the 1e-9 m asked here.
+// A bicubic polynomial lies in the space of the patch. What is left is the fairing's pull: 1e-14 times the area times
+// the fourth derivatives, far below the 1e-9 m asked here.
 TEST(SurfaceFit, ReproducesABicubicSurface) {
   const TriangleMesh mesh = makeSheet(20e-3, 15e-3, 40, 30, [](double x, double z) {
     const double a = x / 20e-3, b = z / 15e-3;
@@ -102,16 +101,29 @@ TEST(SurfaceFit, WrapsAroundACondyle) {
   const TriangleMesh mesh = makeBarrel();
   SurfaceFitOptions options = tight(14);
   options.parametrization = fitCondyleAxis(mesh);
-  EXPECT_NEAR(options.parametrization.axis_m.x(), 5e-3, 0.1e-3);
-  EXPECT_NEAR(options.parametrization.axis_m.y(), -2e-3, 0.1e-3);
+  // The coronal curve takes up to 2.4 mm off the radius, which biases the circle: the axis only has to be near.
+  EXPECT_NEAR(options.parametrization.axis_m.x(), 5e-3, 0.5e-3);
+  EXPECT_NEAR(options.parametrization.axis_m.y(), -2e-3, 0.5e-3);
   const SurfaceFitResult fit = fitSurface(mesh, options);
-  EXPECT_LT(calcStatistics(fit.deviation_m).max_m, 1e-6);
+  EXPECT_LT(calcStatistics(fit.deviation_m).max_m, 2e-6);
   const NurbsPatch patch(fit.patch);
   for (const double u : {0.0, 0.3, 0.6, 1.0}) {
     const Vec3 p = patch.calcPoint(u, 0.5);
     const Vec3 radial(p.x() - 5e-3, p.y() + 2e-3, 0);
     EXPECT_GT(patch.calcNormal(u, 0.5).dot(radial.normalized()), 0.99) << u;
   }
+}
+
+TEST(SurfaceFit, FindsTheAxisOfACylinder) {
+  TriangleMesh mesh = makeBarrel();
+  for (Vec3& p : mesh.vertices) {
+    const double angle = std::atan2(p.x() - 5e-3, -(p.y() + 2e-3));
+    p = Vec3(5e-3 + 30e-3 * std::sin(angle), -2e-3 - 30e-3 * std::cos(angle), p.z());
+  }
+  const Parametrization axis = fitCondyleAxis(mesh);
+  EXPECT_LT((axis.axis_m - Vec2(5e-3, -2e-3)).norm(), 1e-12);
+  EXPECT_NEAR(axis.radius_m, 30e-3, 1e-12);
+  EXPECT_NEAR(axis.calcAngle({35e-3, -2e-3, 0}), contact::kPi / 2, 1e-9);  // +x is a quarter turn from distal
 }
 
 TEST(SurfaceFit, NormalFollowsTheMesh) {
@@ -123,8 +135,8 @@ TEST(SurfaceFit, NormalFollowsTheMesh) {
   EXPECT_GT(patch.calcNormal(0.5, 0.5).dot(Vec3(5e-3, -2e-3, 0) - patch.calcPoint(0.5, 0.5)), 0);
 }
 
-// Independent noise of sd s on n vertices, fitted with m free heights, leaves an error of s sqrt(m/n) on average over the
-// surface: 10 um sqrt(100/2501) = 2 um. The bound allows twice that.
+// Independent noise of sd s on n vertices, fitted with m free heights, leaves an error of s sqrt(m/n) on average over
+// the surface: 10 um sqrt(100/2501) = 2 um. The bound allows twice that.
 TEST(SurfaceFit, AveragesNoise) {
   TriangleMesh mesh = makeSheet(20e-3, 15e-3, 60, 40, dish);
   std::mt19937 random(3);

@@ -160,6 +160,20 @@ TEST(GaitAnalysis, ConstraintForceBalancesLoadContactAndInertia) {
   }
 }
 
+TEST(GaitAnalysis, AllPrescribedIsInverseDynamics) {
+  const TemporaryFile urdf("inverse.urdf", kneeUrdf());
+  scene::Scene scene = sphereScene(urdf.path(), 20);
+  scene.model->coordinates[y] = scene::PrescribedCoordinate{35.8e-3};
+  scene.gait.emplace().duration_s = 0.05;
+  const GaitResult result = runGait(scene);
+  ASSERT_TRUE(result.complete) << result.statusText;
+  ASSERT_EQ(result.frames.size(), 6u);
+  EXPECT_EQ(result.statistics.stepsTaken, 0);
+  const double contact = result.frames[3].contacts[0].total.forceOnM_F.y();
+  EXPECT_GT(contact, 1000);
+  EXPECT_NEAR(result.frames[3].constraintForce[y], -contact, 1e-9 * contact);
+}
+
 // Default accuracy against a run a hundred times tighter. BDF of order 2 damps the undamped contact modes numerically,
 // so the difference is not the local tolerance of 1e-4 mm alone: a micrometer in height and tilt, 1 % of a body weight
 // in the force.

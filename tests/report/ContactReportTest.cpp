@@ -1,5 +1,3 @@
-#include "genu/report/ContactReport.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "ReportFixtures.h"
+#include "genu/report/ContactReport.h"
 
 namespace genu::report {
 namespace {
@@ -84,9 +83,9 @@ TEST(ContactReport, JsonHasNumbersOnlyWhereTheyMeanSomething) {
   results[0].total = makeLoad(100, 1e-5, {0, 0, 0.02});
   auto json = toJson(scene, results);
   EXPECT_EQ(json.at("status"), "ok");
-  for (const char* key : {"force_on_moving_N", "moment_on_moving_about_fixed_origin_Nm", "scalar_force_N",
-                          "peak_pressure_Pa", "mean_pressure_Pa", "area_m2", "active_elements",
-                          "center_of_pressure_m", "energy_J"}) {
+  for (const char* key :
+       {"force_on_moving_N", "moment_on_moving_about_fixed_origin_Nm", "scalar_force_N", "peak_pressure_Pa",
+        "mean_pressure_Pa", "area_m2", "active_elements", "center_of_pressure_m", "energy_J"}) {
     EXPECT_TRUE(json.at("total").contains(key)) << key;
     EXPECT_TRUE(json.at("compartments").at("medial").contains(key)) << key;
   }
@@ -121,7 +120,8 @@ TEST(ContactReport, TableShowsUnitsAndTotal) {
   results[0].compartments.assign(2, makeLoad(50, 1e-5, {0, 0, 0.02}));
   results[0].total = makeLoad(100, 2e-5, {0, 0, 0});
   const std::string table = formatTable(scene, results);
-  for (const char* part : {"medial", "lateral", "total", "MPa", "mm^2", "N m", "50"}) EXPECT_THAT(table, HasSubstr(part));
+  for (const char* part : {"medial", "lateral", "total", "MPa", "mm^2", "N m", "50"})
+    EXPECT_THAT(table, HasSubstr(part));
 }
 
 }  // namespace

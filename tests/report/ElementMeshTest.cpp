@@ -1,10 +1,9 @@
-#include "genu/report/ElementMesh.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "ReportFixtures.h"
+#include "genu/report/ElementMesh.h"
 #include "genu/report/Vtk.h"
 
 namespace genu::report {

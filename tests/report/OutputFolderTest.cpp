@@ -1,9 +1,8 @@
-#include "genu/report/OutputFolder.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "ReportFixtures.h"
+#include "genu/report/OutputFolder.h"
 
 namespace genu::report {
 namespace {

@@ -1,5 +1,3 @@
-#include "genu/report/RunReport.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stdlib.h>
@@ -9,6 +7,7 @@
 #include "ReportFixtures.h"
 #include "genu/io/Table.h"
 #include "genu/report/Gnuplot.h"
+#include "genu/report/RunReport.h"
 
 namespace genu::report {
 namespace {
@@ -74,7 +73,8 @@ TEST_F(RunReportTest, SummaryAgreesWithTheFrames) {
   EXPECT_EQ(json.at("peaks").at("medial").at("peak_pressure_Pa").at("value").get<double>(),
             middle.compartments[0].peakPressure_Pa);
   EXPECT_DOUBLE_EQ(json.at("peaks").at("total").at("scalar_force_N").at("time_s").get<double>(), 0.5);
-  for (const char* key : {"genu", "eigen", "compiler", "build_type"}) EXPECT_TRUE(json.at("versions").contains(key)) << key;
+  for (const char* key : {"genu", "eigen", "compiler", "build_type"})
+    EXPECT_TRUE(json.at("versions").contains(key)) << key;
   EXPECT_EQ(json.at("inputs_sha256").at("scene.yaml").get<std::string>().size(), 64u);
   EXPECT_FALSE(fs::exists(folder_ / "out/maps"));
 }
@@ -162,15 +162,17 @@ TEST_F(RunReportTest, MaximumLoadFollowsTheAppliedLoadWhereItVaries) {
 
 TEST_F(RunReportTest, ReferenceIsComparedAndMirrored) {
   scene_.model.emplace();
-  scene_.model->coordinates = {scene::FreeCoordinate{}, scene::PrescribedCoordinate{}, scene::PrescribedCoordinate{},
-                               scene::PrescribedCoordinate{}, scene::FreeCoordinate{}, scene::FreeCoordinate{}};
+  scene_.model->coordinates = {scene::FreeCoordinate{},       scene::PrescribedCoordinate{},
+                               scene::PrescribedCoordinate{}, scene::PrescribedCoordinate{},
+                               scene::FreeCoordinate{},       scene::FreeCoordinate{}};
   // rx runs from 0 to 0.2 rad; the reference is its mirror image plus 1 deg.
-  write(folder_ / "ref.csv", "percent_cycle,rx_deg,z_med_mm\n0,1,0.5\n100," + std::to_string(1 - 0.2 * 180 / contact::kPi) + ",0.5\n");
+  write(folder_ / "ref.csv",
+        "percent_cycle,rx_deg,z_med_mm\n0,1,0.5\n100," + std::to_string(1 - 0.2 * 180 / contact::kPi) + ",0.5\n");
   info_.reference = readReferenceMotion(folder_ / "ref.csv", 1.0);
   info_.plots = info_.maps = false;
   writeRun(scene_, trajectory_, info_);
   const auto rx = summary().at("motion").at("rx").at("reference");
-  EXPECT_NEAR(rx.at("rms_mirrored").get<double>(), 1, 1e-5);                // six decimals in the table
+  EXPECT_NEAR(rx.at("rms_mirrored").get<double>(), 1, 1e-5);  // six decimals in the table
   EXPECT_NEAR(rx.at("rms_mirrored_means_aligned").get<double>(), 0, 1e-5);
   EXPECT_GT(rx.at("rms").get<double>(), 5);
   EXPECT_NEAR(summary().at("motion").at("z").at("reference").at("rms").get<double>(), 0.5, 1e-12);

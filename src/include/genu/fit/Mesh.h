@@ -40,13 +40,13 @@ MergeCounts mergeEqualVertices(TriangleMesh& mesh);
 
 /** What the edges say. Each undirected edge should be used by two triangles in opposite directions. */
 struct MeshTopology {
-  int borderEdges = 0;        ///< used once
-  int nonManifoldEdges = 0;   ///< used more than twice
-  int inconsistentEdges = 0;  ///< used twice in the same direction: neighbours with opposite normals
-  int components = 0;         ///< pieces connected through edges
-  std::vector<int> component;           ///< per triangle; 0 is the largest by area
+  int borderEdges = 0;         ///< used once
+  int nonManifoldEdges = 0;    ///< used more than twice
+  int inconsistentEdges = 0;   ///< used twice in the same direction: neighbours with opposite normals
+  int components = 0;          ///< pieces connected through edges
+  std::vector<int> component;  ///< per triangle; 0 is the largest by area
   std::vector<double> componentArea_m2;
-  std::vector<char> borderVertex;       ///< per vertex
+  std::vector<char> borderVertex;  ///< per vertex
 };
 MeshTopology analyzeMesh(const TriangleMesh& mesh);
 

@@ -19,7 +19,7 @@ struct Parametrization {
   Vec2 axis_m = Vec2::Zero();  ///< condyle: x, y of the axis
   double radius_m = 1;         ///< condyle: mean distance of the region from the axis
 
-  Vec2 calc(const Vec3& point) const;       ///< (u, v) [m]
+  Vec2 calc(const Vec3& point) const;         ///< (u, v) [m]
   double calcAngle(const Vec3& point) const;  ///< condyle [rad]
   /** The direction away from the body the region belongs to if it is single-valued in (u, v): +-y or radial. */
   Vec3 calcDirection(const Vec3& point) const;
@@ -40,15 +40,15 @@ struct SurfaceFitOptions {
 };
 
 struct SurfaceFitResult {
-  contact::NurbsPatchData patch;         ///< bicubic, knots in [0, 1], outward normal as in the mesh
-  std::vector<double> deviation_m;       ///< per vertex of the region, > 0 outside the patch's solid side
-  std::vector<Vec2> uv;                  ///< per vertex, foot in [0, 1]^2
-  std::vector<char> beyondEdge;          ///< per vertex: the foot lies on the edge of the patch
-  double uncoveredShare = 0;             ///< share of the patch's area with no mesh below it
+  contact::NurbsPatchData patch;                    ///< bicubic, knots in [0, 1], outward normal as in the mesh
+  std::vector<double> deviation_m;                  ///< per vertex of the region, > 0 outside the patch's solid side
+  std::vector<Vec2> uv;                             ///< per vertex, foot in [0, 1]^2
+  std::vector<char> beyondEdge;                     ///< per vertex: the foot lies on the edge of the patch
+  double uncoveredShare = 0;                        ///< share of the patch's area with no mesh below it
   std::vector<double> meanHistory_m, maxHistory_m;  ///< per knot configuration
   std::vector<std::array<int, 2>> sizeHistory;
   bool toleranceMet = false;
-  bool stopped = false;                  ///< by `progress`
+  bool stopped = false;  ///< by `progress`
 };
 
 /** One untrimmed bicubic B-spline patch through a region by least squares:

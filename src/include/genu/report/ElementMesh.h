@@ -28,6 +28,7 @@ void writeElementCsv(const std::filesystem::path& file, const contact::ContactPa
 
 /** Triangulated view of surfaces moved by `X_AB`, at least `minSamples` facets along u and v of each patch, whole knot
  spans split evenly. Points carry the outward normal. For viewing only; the contact engine never sees it. */
-VtkMesh tessellate(const std::vector<const contact::ContactSurface*>& surfaces, const contact::Pose& X_AB, int minSamples);
+VtkMesh tessellate(const std::vector<const contact::ContactSurface*>& surfaces, const contact::Pose& X_AB,
+                   int minSamples);
 
 }  // namespace genu::report

@@ -34,8 +34,8 @@ struct RunInfo {
   std::string analysis;  ///< "static", "gait" or "replay"
   std::filesystem::path folder;
   std::vector<std::string> commandLine;
-  std::filesystem::path dataFolder;              ///< of `data:` paths; empty: none
-  std::map<std::string, std::string> versions;   ///< added to those this library knows
+  std::filesystem::path dataFolder;             ///< of `data:` paths; empty: none
+  std::map<std::string, std::string> versions;  ///< added to those this library knows
   std::optional<ReferenceMotion> reference;
   std::vector<double> mapFractions = {0.1, 0.3, 0.5, 0.7, 0.9};  ///< of the cycle, for the drawn pressure maps
   bool leftKnee = false;  ///< x is anterior (right knee: posterior); only labels and orientation of drawings
@@ -47,8 +47,8 @@ struct RunInfo {
 
 struct RunOutput {
   std::filesystem::path folder;
-  std::string table;                 ///< for the terminal
-  std::vector<std::string> notes;    ///< things the user should know: plots not drawn, ...
+  std::string table;               ///< for the terminal
+  std::vector<std::string> notes;  ///< things the user should know: plots not drawn, ...
 };
 
 /** Index of the frame at maximum load: the largest sum of magnitudes of the applied loads where one varies with time,
