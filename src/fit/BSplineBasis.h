@@ -24,7 +24,6 @@ class CubicBasis {
   std::vector<double> breaks() const { return {knots_.begin() + 3, knots_.end() - 3}; }
   int findSpan(double t) const;  ///< 0 .. numFunctions - 4; simple inner knots only
   void insertKnot(double t);
-  void moveKnot(int breakIndex, double t) { knots_[static_cast<size_t>(breakIndex) + 3] = t; }
   Row calc(double t) const;
 
  private:

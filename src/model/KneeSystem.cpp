@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "Conversions.h"
+#include "genu/scene/SceneFile.h"
 
 namespace genu::model {
 
@@ -92,19 +93,7 @@ const scene::ModelSpec& requireModel(const scene::Scene& scene) {
 
 }  // namespace
 
-std::vector<std::shared_ptr<const contact::ContactPair>> buildContactPairs(const scene::Scene& scene) {
-  std::vector<std::shared_ptr<const contact::ContactPair>> pairs;
-  for (const scene::ContactSpec& contact : scene.contacts) {
-    try {
-      pairs.push_back(std::make_shared<const contact::ContactPair>(contact.definition));
-    } catch (const std::invalid_argument& error) {
-      throw InputError(scene.file.string() + ": contact '" + contact.name + "': " + error.what());
-    }
-  }
-  return pairs;
-}
-
-KneeSystem::KneeSystem(const scene::Scene& scene) : KneeSystem(scene, buildContactPairs(scene)) {}
+KneeSystem::KneeSystem(const scene::Scene& scene) : KneeSystem(scene, scene::makeContactPairs(scene)) {}
 
 KneeSystem::KneeSystem(const scene::Scene& scene, const std::vector<std::shared_ptr<const contact::ContactPair>>& pairs)
     : matter_(system_),

@@ -3,6 +3,7 @@
 
 #include "StaticAnalysis.h"
 #include "genu/model/Analysis.h"
+#include "genu/scene/SceneFile.h"
 #include "genu/model/UrdfModel.h"
 
 namespace genu::model {
@@ -32,7 +33,7 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<co
     }
   }
 
-  const auto pairs = buildContactPairs(scene);
+  const auto pairs = scene::makeContactPairs(scene);
   std::vector<contact::ContactWorkspace> workspaces;
   for (const auto& pair : pairs) workspaces.emplace_back(*pair);
 

@@ -268,6 +268,8 @@ UrdfModel readUrdf(const std::filesystem::path& file, const std::string& floatin
   model.file = file;
   Reader(model, places, floatingJoint).addSubtree(*parsed->getRoot(), -1);
   if (model.links.size() != parsed->links_.size()) {
+    // Links of a loop own each other and would never be freed.
+    for (const auto& entry : parsed->links_) entry.second->child_links.clear();
     throw InputError(name + ": not a valid URDF: only " + std::to_string(model.links.size()) + " of its " +
                      std::to_string(parsed->links_.size()) + " links hang on the root link '" +
                      parsed->getRoot()->name + "'; the joints form a loop");

@@ -1,8 +1,10 @@
 #include "YamlReader.h"
 
+#include <yaml-cpp/eventhandler.h>
+
 #include <algorithm>
 #include <charconv>
-#include <set>
+#include <sstream>
 
 #include "genu/io/Suggest.h"
 
@@ -17,27 +19,51 @@ int lineOf(const YAML::Node& node, int fallback) {
   return mark.line >= 0 ? mark.line + 1 : fallback;
 }
 
+/** Notes where documents begin. */
+class DocumentCounter : public YAML::EventHandler {
+ public:
+  std::vector<int> lines;
+
+  void OnDocumentStart(const YAML::Mark& mark) override { lines.push_back(mark.line + 1); }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+};
+
 }  // namespace
 
 YamlNode YamlNode::parse(const std::string& text, YamlDocument& document) {
-  std::vector<YAML::Node> documents;
+  YAML::Node root;
+  DocumentCounter counter;
   try {
-    documents = YAML::LoadAll(text);
+    root = YAML::Load(text);
+    // Load() stops silently at the end of the first document. Two steps tell whether more follows; LoadAll() is no
+    // choice, since it never ends on some texts (a leading comma).
+    std::istringstream stream(text);
+    YAML::Parser parser(stream);
+    parser.HandleNextDocument(counter);
+    parser.HandleNextDocument(counter);
   } catch (const YAML::Exception& error) {
     const int line = error.mark.line >= 0 ? error.mark.line + 1 : 1;
     throw InputError(document.file + ":" + std::to_string(line) + ": not valid YAML: " + error.msg + " (column " +
                      std::to_string(std::max(error.mark.column, 0) + 1) +
                      "); often a wrong indentation, a missing colon or an unclosed quote or bracket");
   }
-  if (documents.empty() || !documents[0].IsDefined() || documents[0].IsNull()) {
+  if (!root.IsDefined() || root.IsNull()) {
     throw InputError(document.file + ":1: the scene is empty; its first line must be \"genu: 1\"");
   }
-  if (documents.size() > 1) {
-    throw InputError(document.file + ":" + std::to_string(lineOf(documents[1], 1)) +
-                     ": a second YAML document begins (\"---\"); a scene is one document");
+  if (counter.lines.size() > 1) {
+    throw InputError(
+        document.file + ":" + std::to_string(counter.lines[1]) +
+        ": a second YAML document begins here (\"---\"), or the first has ended early; a scene is one document");
   }
-  const int line = lineOf(documents[0], 1);
-  return {documents[0], "", line, document};
+  const int line = lineOf(root, 1);
+  return {root, "", line, document};
 }
 
 std::string YamlNode::where() const {

@@ -147,7 +147,7 @@ TEST_P(Tracked, ChangesNothing) {
     inContact += cold.total.activeElements > 0;
     saved += cold.distanceQueries - warm.distanceQueries;
   }
-  EXPECT_GT(inContact, 500);
+  EXPECT_GT(inContact, 375);  // a quarter of the walk, so that the comparison says something
   if (GetParam() == Tracking::lipschitz || GetParam() == Tracking::breadthFirst) {
     EXPECT_GT(saved, 1500 * pair.numElements() / 2);
   }
@@ -534,7 +534,8 @@ TEST(Grid, TakesTheHighestUpwardCrossingAboveThePlane) {
   ContactWorkspace workspace(above);
   ContactResult r;
   above.evaluate(JointCoordinates{0, 0, 0, 0, 0.0098, 0}, workspace, {}, r);
-  for (const ElementField& f : above.calcFields(workspace)[0]) {
+  const auto fields = above.calcFields(workspace);
+  for (const ElementField& f : fields[0]) {
     EXPECT_NEAR(f.p_FA.norm(), 0.01, 1e-12);
     EXPECT_GT(f.normal_F.y(), 0);
   }

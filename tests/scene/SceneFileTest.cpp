@@ -299,6 +299,9 @@ TEST(SceneErrors, Yaml) {
   EXPECT_THAT(messageAfter("  insert: {E: 463 MPa, nu: 0.46}", "  insert: {E: 463 MPa, nu: 0.46, E: 1 MPa}"),
               StartsWith("s.yaml:6: materials.insert.E: this key was given before"));
   EXPECT_THAT(messageFor(std::string(2000, '[')), HasSubstr("not valid YAML"));
+  // Texts on which reading all documents would never end, or would end early without a word.
+  EXPECT_THAT(messageFor(", genu: 1\n"), StartsWith("s.yaml:1: "));
+  EXPECT_THAT(messageFor(kSphere + "...\nmore: 1\n"), HasSubstr("a scene is one document"));
 }
 
 TEST(SceneErrors, Version) {

@@ -17,10 +17,6 @@ namespace genu::model {
  distance between condyle centers is about twice this. */
 inline constexpr double kAngleLength_m = 0.025;
 
-/** The contact pairs of a scene, built once and shared (each is immutable and thread-safe).
-    @throws InputError naming the contact, the quantity and what is allowed */
-std::vector<std::shared_ptr<const contact::ContactPair>> buildContactPairs(const scene::Scene& scene);
-
 /** Equilibrium of the free coordinates at rest, prescribed coordinates and loads taken at one time.
 
    r_i(q) = generalized force of contact, loads, gravity and every other force on free coordinate i at zero velocity = 0

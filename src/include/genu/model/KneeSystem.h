@@ -30,7 +30,7 @@ class KneeSystem {
  public:
   /** @throws InputError see Analysis.h */
   explicit KneeSystem(const scene::Scene& scene);
-  /** With contact pairs built before (buildContactPairs), in the scene's order. */
+  /** With contact pairs built before (scene::makeContactPairs), in the scene's order. */
   KneeSystem(const scene::Scene& scene, const std::vector<std::shared_ptr<const contact::ContactPair>>& pairs);
   KneeSystem(const KneeSystem&) = delete;
   KneeSystem& operator=(const KneeSystem&) = delete;
