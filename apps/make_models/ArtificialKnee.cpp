@@ -9,20 +9,21 @@ namespace genu::make_models {
 namespace {
 
 // Dimensions [mm]. A proposal between two measured cruciate-retaining implants, not one of them:
-//   DM       component of the Grand Challenge subject DM, opensim-jam-org/jam-resources, models/knee_tka/grand_challenge
-//            (Fregly et al. 2012, J Orthop Res 30:503): sagittal 38.8 / 27.3 / 17.9, insert sagittal 57.4, thickness 6.0,
-//            coronal flat on flat
+//   DM       component of the Grand Challenge subject DM, opensim-jam-org/jam-resources,
+//   models/knee_tka/grand_challenge
+//            (Fregly et al. 2012, J Orthop Res 30:503): sagittal 38.8 / 27.3 / 17.9, insert sagittal 57.4,
+//            thickness 6.0, coronal flat on flat
 //   CAMS     clnsmith/opensim-jam, opensim-jam-release/models/cams: sagittal 45.6 / 37.0 / 18.8 / 17.0, coronal 36.9 on
 //            37.3, condyle spacing 47.6, thickness 6.1
 // Femoral component: tangent arcs in the sagittal plane, one coronal radius.
 constexpr double kAnteriorRadius = 46, kDistalRadius = 38, kPosteriorRadius = 25, kFarPosteriorRadius = 18;
-constexpr double kStart = -60 * kDegree;         // anterior enough for a contact 20 degrees before full extension
-constexpr double kDistalStart = -40 * kDegree;   // normal angle: 0 distal, 90 degrees posterior
+constexpr double kStart = -60 * kDegree;        // anterior enough for a contact 20 degrees before full extension
+constexpr double kDistalStart = -40 * kDegree;  // normal angle: 0 distal, 90 degrees posterior
 constexpr double kDistalEnd = 10 * kDegree, kPosteriorEnd = 72 * kDegree;
 constexpr double kEnd = 115 * kDegree;
 constexpr double kCoronalRadius = 33;
-constexpr double kCondyleCenter = 24;            // |z|; spacing 48
-constexpr double kCondyleHalfWidth = 13;         // component 74 wide (DM 75.0, CAMS 70.0)
+constexpr double kCondyleCenter = 24;     // |z|; spacing 48
+constexpr double kCondyleHalfWidth = 13;  // component 74 wide (DM 75.0, CAMS 70.0)
 // Origin: x at the middle of the component, 66 deep (DM 66.4, CAMS 65.1; the anterior flange is not modelled), so
 // that the most posterior point lies at x = 33; y in the bone box, 35 above the distal condyles (DM 35.1).
 constexpr double kDepth = 66, kDistalHeight = 35;
@@ -45,9 +46,10 @@ SagittalCurve makeFemoralCurve() {
   return curve;
 }
 
-/** u is path length [mm] along the surface at half the sagitta of the section; each arc has a few equal spans and the arcs
- meet at double knots, where the curvature jumps. Off that line the speed |S_u| of the exact surface jumps by up to 3 % at
- the transitions, which a C1 patch can only follow by moving points along the surface: that is no error of shape. */
+/** u is path length [mm] along the surface at half the sagitta of the section; each arc has a few equal spans and the
+ arcs meet at double knots, where the curvature jumps. Off that line the speed |S_u| of the exact surface jumps by up to
+ 3 % at the transitions, which a C1 patch can only follow by moving points along the surface: that is no error of shape.
+ */
 class FemoralParameter {
  public:
   explicit FemoralParameter(const SagittalCurve& curve) {

@@ -14,9 +14,9 @@ namespace {
 constexpr double kTibialOrigin = 35;
 
 struct Condyle {
-  double side;                            // +1 medial, -1 lateral
-  double z0, sectionRadius, halfWidth;    // coronal arc
-  std::vector<SagittalCurve::Arc> arcs;   // normal angles as in SagittalCurve
+  double side;                           // +1 medial, -1 lateral
+  double z0, sectionRadius, halfWidth;   // coronal arc
+  std::vector<SagittalCurve::Arc> arcs;  // normal angles as in SagittalCurve
   size_t placedArc;
   Vec2 placedCenter;
   double distalThickness, posteriorThickness;  // largest, of the mean / max pairs 2.16 / 3.38 and so on
@@ -34,15 +34,9 @@ const Condyle& medialCondyle() {
 const Condyle& lateralCondyle() {
   // Flat distally (75 from -20 to 25 degrees, a poor fit there), 24.0 from 15 to 60, posterior 20.8 about a center
   // 2.5 posterior, 1.3 superior. Anterior of -20 degrees: 40, assumed.
-  static const Condyle condyle{-1,
-                               -24.0,
-                               17.0,
-                               11.5,
-                               {{40, -20 * kDegree}, {75, 13 * kDegree}, {24.0, 50 * kDegree}, {20.8, kEnd}},
-                               3,
-                               {2.5, 1.3},
-                               3.04,
-                               3.17};
+  static const Condyle condyle{
+      -1, -24.0,      17.0, 11.5, {{40, -20 * kDegree}, {75, 13 * kDegree}, {24.0, 50 * kDegree}, {20.8, kEnd}},
+      3,  {2.5, 1.3}, 3.04, 3.17};
   return condyle;
 }
 
@@ -57,14 +51,15 @@ struct Plateau {
   double thickness, thickX, thickZ;  // largest, and where
 };
 
-// Medial: coronal 22 concave, sagittal 190 (almost flat), slope 6.7 degrees, 39.7 x 28.0; thickness 1.19 mean, 2.55 max.
-// Lateral: sagittal 36 convex, coronal 36 concave, slope 5.3 degrees, 32.1 x 31.3; thickness 2.02 mean, 4.24 max,
+// Medial: coronal 22 concave, sagittal 190 (almost flat), slope 6.7 degrees, 39.7 x 28.0; thickness 1.19 mean, 2.55
+// max. Lateral: sagittal 36 convex, coronal 36 concave, slope 5.3 degrees, 32.1 x 31.3; thickness 2.02 mean, 4.24 max,
 // thickest at x = 6, z = -18. Where the medial plateau is thickest is not known: its middle.
-constexpr Plateau kMedialPlateau{+1, 20.5, 6.5, 34.5, -19.85, 19.85, 1.0 / 190, 22, 6.7 * kDegree, -20.5, 2.55, 0, 20.5};
-constexpr Plateau kLateralPlateau{-1,    -24, -37.3, -6.0, -16.05, 16.05, -1.0 / 36, 36, 5.3 * kDegree,
-                                  -20.9, 4.24, 6,    -18};
-/** Layers are thickest in the middle and thin towards the rim: t = t_max exp(-k s^2), s = 1 at the rim. With k = 1.7 the
- mean over an elliptic plateau is 0.48 t_max (published 0.47 and 0.48), over a condyle 0.64 t_max (0.64, 0.64). */
+constexpr Plateau kMedialPlateau{+1, 20.5,          6.5,   34.5, -19.85, 19.85, 1.0 / 190,
+                                 22, 6.7 * kDegree, -20.5, 2.55, 0,      20.5};
+constexpr Plateau kLateralPlateau{-1, -24,           -37.3, -6.0, -16.05, 16.05, -1.0 / 36,
+                                  36, 5.3 * kDegree, -20.9, 4.24, 6,      -18};
+/** Layers are thickest in the middle and thin towards the rim: t = t_max exp(-k s^2), s = 1 at the rim. With k = 1.7
+ the mean over an elliptic plateau is 0.48 t_max (published 0.47 and 0.48), over a condyle 0.64 t_max (0.64, 0.64). */
 constexpr double kFalloff = 1.7;
 
 SagittalCurve makeCurve(const Condyle& condyle) {
@@ -95,7 +90,8 @@ double calcFemoralThickness(const Condyle& condyle, double phi, double psi) {
   const double halfAngle = std::asin(condyle.halfWidth / condyle.sectionRadius);
   // Distal values were taken up to about 25 degrees, posterior ones from 40 on.
   const double s = std::min(1.0, std::max(0.0, (phi - 25 * kDegree) / (15 * kDegree)));
-  const double top = condyle.distalThickness + s * s * (3 - 2 * s) * (condyle.posteriorThickness - condyle.distalThickness);
+  const double top =
+      condyle.distalThickness + s * s * (3 - 2 * s) * (condyle.posteriorThickness - condyle.distalThickness);
   return top * std::exp(-kFalloff * std::pow(psi / halfAngle, 2));
 }
 
@@ -128,7 +124,8 @@ void makeNaturalKnee(const std::filesystem::path& folder, std::ostream& report) 
     const std::string name = condyle->side > 0 ? "medial" : "lateral";
     const double halfAngle = std::asin(condyle->halfWidth / condyle->sectionRadius);
     const auto cartilage = [&, curve = makeCurve(*condyle)](double phi, double psi) {
-      return calcCanalPoint(curve.calcPoint(phi), SagittalCurve::calcNormal(phi), condyle->sectionRadius, condyle->z0, psi);
+      return calcCanalPoint(curve.calcPoint(phi), SagittalCurve::calcNormal(phi), condyle->sectionRadius, condyle->z0,
+                            psi);
     };
     const auto bone = [&](double phi, double psi) {
       CanalPoint point = cartilage(phi, psi);
@@ -147,14 +144,16 @@ void makeNaturalKnee(const std::filesystem::path& folder, std::ostream& report) 
   for (const Plateau* plateau : {&kMedialPlateau, &kLateralPlateau}) {
     const std::string name = plateau->side > 0 ? "medial" : "lateral";
     const double r = plateau->coronalRadius;
-    const double v0 = r * std::asin((plateau->zMin - plateau->z0) / r), v1 = r * std::asin((plateau->zMax - plateau->z0) / r);
+    const double v0 = r * std::asin((plateau->zMin - plateau->z0) / r),
+                 v1 = r * std::asin((plateau->zMax - plateau->z0) / r);
     const auto cartilage = [&](double v, double u) { return calcPlateauPoint(*plateau, u, v); };
     const auto bone = [&](double v, double u) {
       CanalPoint point = cartilage(v, u);
       point.S -= calcTibialThickness(*plateau, point.S) * point.N;
       return point;
     };
-    tibiaCartilage.add(name, makeKnots(divide(v0, v1, 8)), makeKnots(divide(plateau->xMin, plateau->xMax, 10)), cartilage);
+    tibiaCartilage.add(name, makeKnots(divide(v0, v1, 8)), makeKnots(divide(plateau->xMin, plateau->xMax, 10)),
+                       cartilage);
     tibiaBone.add(name, makeKnots(divide(v0 - kMarginLength, v1 + kMarginLength, 12)),
                   makeKnots(divide(plateau->xMin - kMarginLength, plateau->xMax + kMarginLength, 12)), bone);
   }

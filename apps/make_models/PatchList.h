@@ -21,8 +21,8 @@ class PatchList {
     const contact::NurbsPatchData& patch = patches_.back().data;
     const FitError error = calcFitError(patch, surface);
     report_ << std::left << std::setw(22) << file_ << std::setw(10) << name << std::right << std::setw(3) << patch.numU
-            << " x " << std::setw(2) << patch.numV << "  max " << std::scientific << std::setprecision(1) << error.max_mm
-            << " mm, rms " << error.rms_mm << " mm\n"
+            << " x " << std::setw(2) << patch.numV << "  max " << std::scientific << std::setprecision(1)
+            << error.max_mm << " mm, rms " << error.rms_mm << " mm\n"
             << std::defaultfloat;
   }
   void write(const std::filesystem::path& folder, const std::string& comment) const {

@@ -18,9 +18,9 @@ inline constexpr double kDegree = contact::kPi / 180;
 
    n(phi) = (sin phi, -cos phi),   P'(phi) = R(phi) (cos phi, sin phi)
 
- phi = 0 points down (distal condyle), +90 deg posterior, negative anterior. R is constant on arcs that meet tangentially
- at given angles. With blend > 0, R changes smoothly within +-blend of each meeting angle (smootherstep: R is C2, the
- curve C4); with blend = 0 it jumps and the curve is C1. */
+ phi = 0 points down (distal condyle), +90 deg posterior, negative anterior. R is constant on arcs that meet
+ tangentially at given angles. With blend > 0, R changes smoothly within +-blend of each meeting angle (smootherstep: R
+ is C2, the curve C4); with blend = 0 it jumps and the curve is C1. */
 class SagittalCurve {
  public:
   struct Arc {
@@ -42,8 +42,8 @@ class SagittalCurve {
   double start_;
   std::vector<Arc> arcs_;
   double blend_;
-  std::vector<double> breaks_;   ///< angles between which R is smooth
-  std::vector<Vec2> points_;     ///< at breaks_
+  std::vector<double> breaks_;  ///< angles between which R is smooth
+  std::vector<Vec2> points_;    ///< at breaks_
   Vec2 shift_ = Vec2::Zero();
 };
 

@@ -10,7 +10,8 @@ int main(int argc, char** argv) {
   CLI::App app("Writes the surfaces of the shipped knee models (NURBS, JSON) and prints how well they fit.",
                "genu_make_models");
   std::filesystem::path output;
-  app.add_option("OUTPUT_DIR", output, "folder for artificial_knee/ and natural_knee/; models/ in the source")->required();
+  app.add_option("OUTPUT_DIR", output, "folder for artificial_knee/ and natural_knee/; models/ in the source")
+      ->required();
   CLI11_PARSE(app, argc, argv);
   try {
     for (const char* model : {"artificial_knee", "natural_knee"}) std::filesystem::create_directories(output / model);

@@ -41,8 +41,9 @@ void expectSoundContact(const Loads& loads, double maxStrain) {
 }
 
 TEST(ShippedScenes, AllAreReadWithoutErrors) {
-  for (const char* name : {"artificial_knee/gait.yaml", "artificial_knee/gait_power_law.yaml", "artificial_knee/static.yaml",
-                           "natural_knee/static.yaml", "natural_knee/static_large_strain.yaml", "natural_knee/gait.yaml"}) {
+  for (const char* name :
+       {"artificial_knee/gait.yaml", "artificial_knee/gait_power_law.yaml", "artificial_knee/static.yaml",
+        "natural_knee/static.yaml", "natural_knee/static_large_strain.yaml", "natural_knee/gait.yaml"}) {
     SCOPED_TRACE(name);
     const scene::Scene scene = scene::readScene(modelFolder() / name, {{}, true, {}});
     EXPECT_TRUE(scene.unused.empty());
@@ -99,7 +100,8 @@ TEST_P(ShippedGait, StaysInsideItsSurfaces) {
       const auto& compartment = scene.contacts[0].definition.compartments[c];
       for (const contact::ElementField& element : fields[c]) {
         if (!element.active) continue;
-        EXPECT_TRUE(element.ix > 0 && element.ix < compartment.nx - 1 && element.iz > 0 && element.iz < compartment.nz - 1)
+        EXPECT_TRUE(element.ix > 0 && element.ix < compartment.nx - 1 && element.iz > 0 &&
+                    element.iz < compartment.nz - 1)
             << compartment.name << " element " << element.ix << ", " << element.iz;
       }
     }

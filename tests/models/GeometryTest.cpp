@@ -66,7 +66,8 @@ TEST_P(Side, FemoralComponentHasTheArcsOfTheDefault) {
   struct Arc {
     double from_deg, to_deg, radius_mm, tolerance_mm;
   };
-  for (const Arc& arc : {Arc{-58, -42, 46, 0.2}, Arc{-38, 8, 38, 0.03}, Arc{12, 70, 25, 0.02}, Arc{74, 113, 18, 0.04}}) {
+  for (const Arc& arc :
+       {Arc{-58, -42, 46, 0.2}, Arc{-38, 8, 38, 0.03}, Arc{12, 70, 25, 0.02}, Arc{74, 113, 18, 0.04}}) {
     const Circle circle = calcCircle(findCrownPoint(patch, arc.from_deg * kDegree),
                                      findCrownPoint(patch, 0.5 * (arc.from_deg + arc.to_deg) * kDegree),
                                      findCrownPoint(patch, arc.to_deg * kDegree));
@@ -99,11 +100,13 @@ TEST_P(Side, FemoralComponentIsTheSweptCircle) {
   // Centers from the distal one: each step is the difference of the radii along the common normal.
   const auto n = [](double phi) { return Vec2(std::sin(phi), -std::cos(phi)); };
   const Vec2 posteriorStep = 13 * n(10 * kDegree), farStep = 7 * n(72 * kDegree);
-  // The rearmost point (normal angle 90 degrees, far-posterior arc) is 33 mm behind the origin, the distal one 35 below.
+  // The rearmost point (normal angle 90 degrees, far-posterior arc) is 33 mm behind the origin, the distal one 35
+  // below.
   const Vec2 distal(33 - 18 - posteriorStep.x() - farStep.x(), 38 - 35);
   const std::array<Vec2, 4> centers = {distal - 8 * n(-40 * kDegree), distal, distal + posteriorStep,
                                        distal + posteriorStep + farStep};
-  const std::array<double, 4> radii = {46, 38, 25, 18}, ends = {-40 * kDegree, 10 * kDegree, 72 * kDegree, 180 * kDegree};
+  const std::array<double, 4> radii = {46, 38, 25, 18},
+                              ends = {-40 * kDegree, 10 * kDegree, 72 * kDegree, 180 * kDegree};
   const double z0 = medial() ? 24 : -24;
   double worst_mm = 0;
   forEachSample(patch, 60, [&](double u, double v, const contact::SurfaceDerivatives& s) {
@@ -130,7 +133,8 @@ TEST(ArtificialKnee, CondylesAreSymmetricAnd48MillimetersApart) {
   forEachSample(patches.at("medial"), 20, [&](double u, double v, const contact::SurfaceDerivatives& s) {
     const NurbsPatch& other = patches.at("lateral");
     const Vec3 mirror = other.calcPoint(u, other.vMin() + other.vMax() - v);
-    EXPECT_LT((s.S - Vec3(mirror.x(), mirror.y(), -mirror.z())).norm(), 1e-11);  // control points are rounded to 1e-12 m
+    EXPECT_LT((s.S - Vec3(mirror.x(), mirror.y(), -mirror.z())).norm(),
+              1e-11);  // control points are rounded to 1e-12 m
   });
 }
 
@@ -184,9 +188,10 @@ TEST_P(Side, FemoralCartilageHasThePublishedRadiiAndThickness) {
   struct Arc {
     double from_deg, to_deg, radius_mm;
   };
-  // Inside the arcs, away from the blends of 8 degrees. The fit is off by 5 um medially, 25 um laterally: 0.3 mm of radius.
-  const std::vector<Arc> arcs = medial() ? std::vector<Arc>{{-20, 24, 31.8}, {42, 108, 20.4}}
-                                         : std::vector<Arc>{{22, 41, 24.0}, {59, 108, 20.8}};
+  // Inside the arcs, away from the blends of 8 degrees. The fit is off by 5 um medially, 25 um laterally: 0.3 mm of
+  // radius.
+  const std::vector<Arc> arcs =
+      medial() ? std::vector<Arc>{{-20, 24, 31.8}, {42, 108, 20.4}} : std::vector<Arc>{{22, 41, 24.0}, {59, 108, 20.8}};
   for (const Arc& arc : arcs) {
     const Circle circle = calcCircle(findCrownPoint(cartilage, arc.from_deg * kDegree),
                                      findCrownPoint(cartilage, 0.5 * (arc.from_deg + arc.to_deg) * kDegree),

@@ -21,7 +21,8 @@ inline fs::path modelFolder() { return fs::path(GENU_SOURCE_DIR) / "models"; }
 
 inline std::map<std::string, contact::NurbsPatch> readPatches(const fs::path& file) {
   std::map<std::string, contact::NurbsPatch> patches;
-  for (const io::NamedPatch& patch : io::readNurbsFile(file)) patches.emplace(patch.name, contact::NurbsPatch(patch.data));
+  for (const io::NamedPatch& patch : io::readNurbsFile(file))
+    patches.emplace(patch.name, contact::NurbsPatch(patch.data));
   return patches;
 }
 

@@ -22,9 +22,10 @@ class MeasuredKnee : public testing::Test {
     }
     data_ = data;
     surfaces_ = output_.path() / "surfaces";
-    ASSERT_EQ(runShell("GENU='" GENU_PROGRAM "' '" + std::string(GENU_SOURCE_DIR) + "/scripts/" + script + "' '" +
-                       surfaces_.string() + "' '" + data_.string() + "' > '" + (output_.path() / "log").string() + "' 2>&1"),
-              0);
+    ASSERT_EQ(
+        runShell("GENU='" GENU_PROGRAM "' '" + std::string(GENU_SOURCE_DIR) + "/scripts/" + script + "' '" +
+                 surfaces_.string() + "' '" + data_.string() + "' > '" + (output_.path() / "log").string() + "' 2>&1"),
+        0);
   }
 
   /** A scene of models/, with the folder of fitted surfaces replaced. */
