@@ -173,30 +173,40 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
       break;
     }
     if (throughU || throughV) {
-      // Continue on the other side of the pole, half a turn away.
-      double un = u, vn = v;
-      if (throughU) vn = dv.fit(v + 0.5 * (dv.hi - dv.lo));
-      if (throughV) un = du.fit(u + 0.5 * (du.hi - du.lo));
-      // Only useful when the other side descends; otherwise turn by a quarter, which must.
+      // All directions around a pole meet there: go on where f falls most steeply.
+      double bestSlope = 0, bestTurn = 0;
+      Vec3 axis = Vec3::Zero();  // mean outward normal
       SurfaceDerivatives other;
-      detail::evaluatePatch(patch, un, vn, other);
-      const double slope = throughU ? (other.S - Q).dot(other.Su) * (uLow ? 1 : -1)
-                                    : (other.S - Q).dot(other.Sv) * (vLow ? 1 : -1);
-      if (slope > 0) {
-        if (throughU) vn = dv.fit(v + 0.25 * (dv.hi - dv.lo));
-        if (throughV) un = du.fit(u + 0.25 * (du.hi - du.lo));
-        detail::evaluatePatch(patch, un, vn, other);
-        const double slope2 = throughU ? (other.S - Q).dot(other.Su) * (uLow ? 1 : -1)
-                                       : (other.S - Q).dot(other.Sv) * (vLow ? 1 : -1);
-        if (slope2 > 0) {
-          if (throughU) vn = dv.fit(v - 0.25 * (dv.hi - dv.lo));
-          if (throughV) un = du.fit(u - 0.25 * (du.hi - du.lo));
-          detail::evaluatePatch(patch, un, vn, other);
+      constexpr int kDirections = 16;
+      const double turnPeriod = throughU ? dv.hi - dv.lo : du.hi - du.lo;
+      const double inward = throughU ? (uLow ? 1 : -1) : (vLow ? 1 : -1);
+      for (int k = 0; k < kDirections; ++k) {
+        const double turn = turnPeriod * k / kDirections;
+        detail::evaluatePatch(patch, throughU ? u : du.fit(u + turn), throughV ? v : dv.fit(v + turn), other);
+        axis += patch.normalSign() * other.Su.cross(other.Sv).normalized();
+        const Vec3& along = throughU ? other.Su : other.Sv;
+        const double slope = inward * (other.S - Q).dot(along) / along.norm();
+        if (slope < bestSlope) {
+          bestSlope = slope;
+          bestTurn = turn;
         }
       }
-      u = un;
-      v = vn;
-      d = other;
+      if (bestSlope == 0) {
+        // The tip of a cone or dimple is the nearest point. The distance is smooth there, along the connecting line.
+        const double side = -r.dot(axis) < 0 ? -1.0 : 1.0;
+        result.residual_m = 0;
+        result.status = QueryStatus::converged;
+        result.iterations = iteration;
+        result.at.u = u;
+        result.at.v = v;
+        result.p_MB = d.S;
+        result.distance_m = side * r.norm();
+        result.normal_M = r.norm() > 0 ? Vec3(-side * r.normalized()) : Vec3(axis.normalized());
+        return result;
+      }
+      if (throughU) v = dv.fit(v + bestTurn);
+      if (throughV) u = du.fit(u + bestTurn);
+      detail::evaluatePatch(patch, u, v, d);
       r = d.S - Q;
       f = 0.5 * r.squaredNorm();
     }

@@ -138,6 +138,31 @@ TEST(ClosestPoint, PolesOfASurfaceOfRevolutionAreOrdinaryPoints) {
   }
 }
 
+TEST(ClosestPoint, TheDimpleOfASpindleTorusIsACorner) {
+  // A spindle torus is an apple: two dimples that end in sharp points on the axis. Below one, in the solid, the point
+  // itself is nearest; above it, outside, a flank is.
+  const double Rs = 0.038, Rf = 0.022, tip = std::sqrt(Rf * Rf - (Rs - Rf) * (Rs - Rf));
+  const ContactSurface torus(makeTorus(Rs, Rf));
+  std::mt19937 random(41);
+  std::uniform_real_distribution<double> small(-2e-4, 2e-4), turn(0, 2 * kPi);
+  for (int i = 0; i < 2000; ++i) {
+    const double side = i % 2 ? 1 : -1;
+    const Vec3 point(0, 0, side * tip);
+    const Vec3 inside(0.1 * small(random), 0.1 * small(random), side * (tip - 0.001));
+    const auto below = torus.findClosestPoint(inside);
+    ASSERT_EQ(below.status, QueryStatus::converged) << inside.transpose();
+    // The patch is kept 1e-12 of its parameter range from the point: 3e-12 rad of a circle of 22 mm.
+    ASSERT_NEAR(below.distance_m, -(inside - point).norm(), 1e-12);
+    ASSERT_LT((below.normal_M - (point - inside).normalized()).norm(), 1e-9);
+    const double angle = turn(random), r = 1e-6 + std::abs(small(random));
+    const Vec3 Q(r * std::cos(angle), r * std::sin(angle), side * (tip + 0.001));
+    const auto foot = torus.findClosestPoint(Q);
+    ASSERT_EQ(foot.status, QueryStatus::converged) << Q.transpose();
+    // Distance to the circle on the far side of the axis or the near one, centers at radius Rs - Rf.
+    ASSERT_NEAR(foot.distance_m, std::hypot((Rs - Rf) - r, Q.z()) - Rf, 1e-14) << Q.transpose();
+  }
+}
+
 TEST(ClosestPoint, SafeDistanceIsHalfTheSmallestRadiusOfCurvatureOfASphere) {
   // All medial balls of a sphere have its radius inside, and none exists outside.
   const ContactSurface sphere(makeSphere(0.03));

@@ -46,7 +46,7 @@ struct LineHit {
    - a seed (warm start): the local minimum at the seed, accepted only where it is provably the global one, i.e. when
      |distance| < safeDistanceInside()/Outside(); otherwise the global search decides;
    - nothing (cold start): best-first search over a hierarchy of boxes around sub-patches.
- @post if status == converged: |(B-Q).S_u| <= tol |S_u| and the same for v (within a hair of a pole: 1e-10 of the patch's size).
+ @post if status == converged: |(B-Q).S_u| <= tol |S_u| and the same for v (within a hair of a pole: 1e-10 of the patch's size; at a sharp tip the distance is along the connecting line).
  Immutable and thread-safe. Queries allocate nothing. */
 class ContactSurface {
  public:
