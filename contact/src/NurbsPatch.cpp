@@ -186,6 +186,9 @@ void NurbsPatchData::validate() const {
   for (size_t i = 0; i < count; ++i) {
     if (!points[i].allFinite()) fail("point " + text(i) + " is not finite");
   }
+  bool coincide = true;
+  for (const Vec3& p : points) coincide = coincide && p == points[0];
+  if (coincide) fail("all points coincide");
   if (!weights.empty()) {
     if (weights.size() != count) fail("has " + text(weights.size()) + " weights; needed: " + text(count) + " or none");
     for (size_t i = 0; i < count; ++i) {

@@ -106,6 +106,7 @@ TEST(NurbsPatch, RejectsBadDefinitionsByName) {
   EXPECT_THAT(message([](auto& d) { d.points[7].x() = std::numeric_limits<double>::infinity(); }), HasSubstr("point 7 is not finite"));
   EXPECT_THAT(message([](auto& d) { d.points.pop_back(); }), HasSubstr("has 299 points; needed: 300"));
   EXPECT_THAT(message([](auto& d) { d.knotsU[5] = d.knotsU[6] = d.knotsU[7] = d.knotsU[4]; }), HasSubstr("occurs 4 times; allowed: 3"));
+  EXPECT_THAT(message([](auto& d) { d.points.assign(300, Vec3(1, 2, 3)); }), HasSubstr("all points coincide"));
   EXPECT_EQ(message([](auto&) {}), "accepted");
 }
 

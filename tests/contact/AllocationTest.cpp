@@ -1,0 +1,45 @@
+// The evaluation of a contact pair allocates nothing once its workspace and result exist.
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+
+#include "contact/Scenes.h"
+#include "contact/TestSurfaces.h"
+
+extern std::atomic<long> allocations;  // CountAllocations.cpp
+
+namespace genu::contact {
+namespace {
+
+using namespace test;
+
+class Allocation : public testing::TestWithParam<Tracking> {};
+
+TEST_P(Allocation, EvaluationAllocatesNothing) {
+  std::vector<NurbsPatch> condyle;
+  condyle.emplace_back(makeCondyle());
+  auto d = makeScene(share(makePlane(0.008, 0, 0, Solid::below, 0.05)), share(condyle), constantThickness(0.008), uhmwpePowerLaw(),
+                     0.012, 30);
+  d.movingThickness.source = BackSurface{share(makeSphere(0.02)), BackDirection::closest};
+  d.movingThickness.missing_m = 0.002;
+  d.tracking = GetParam();
+  const ContactPair pair(d);
+  ContactWorkspace workspace(pair);
+  ContactResult result;
+  const auto pose = [](int i) { return JointCoordinates{0.001 * i, 0, -0.01 * i, 0, 0.0405 - 0.0002 * (i % 7), 0}; };
+  pair.evaluate(pose(0), workspace, {true}, result);  // sizes the result
+  const long before = allocations;
+  int active = 0;
+  for (int i = 1; i < 30; ++i) {
+    pair.evaluate(pose(i), workspace, {i % 2 == 0}, result);
+    active += result.total.activeElements;
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_GT(active, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, Allocation, testing::Values(Tracking::all, Tracking::lipschitz, Tracking::breadthFirst));
+
+}  // namespace
+}  // namespace genu::contact
