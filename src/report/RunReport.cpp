@@ -440,7 +440,8 @@ ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s) {
   }
   for (int column = 0; column < table.numColumns(); ++column) {
     const std::string& name = table.columns[static_cast<size_t>(column)];
-    const std::string coordinate = name.substr(0, name.find('_'));
+    std::string coordinate = name.substr(0, name.find('_'));
+    if (coordinate == "tx" || coordinate == "ty" || coordinate == "tz") coordinate.erase(0, 1);  // OpenSim's habit
     const size_t last = name.rfind('_');
     std::string unit = last == std::string::npos ? "" : name.substr(last + 1);
     for (int i = 0; i < 6; ++i) {

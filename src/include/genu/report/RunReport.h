@@ -24,7 +24,7 @@ struct ReferenceMotion {
 };
 
 /** Reads the columns of a .csv, .sto or .mot table whose names start with a coordinate and end in a unit:
- `rx_deg`, `z_mm`, `x_post_mm`, `rz` (then rad or m, or deg in a table marked inDegrees). Time: `time` or `time_s`
+ `rx_deg`, `z_mm`, `x_post_mm`, `tz_m` (the same as z), `rz` (then rad or m, or deg in a table marked inDegrees). Time: `time` or `time_s`
  [s], or `percent_cycle`, of which 100 is `duration_s`.
  @throws InputError when the file has no time or no coordinate */
 ReferenceMotion readReferenceMotion(const std::filesystem::path& file, double duration_s);
