@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
@@ -41,8 +42,9 @@ report::RunInfo makeInfo(const std::string& analysis, const fs::path& folder, co
 int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const report::RunInfo& info,
            const RunOptions& options, const CommonOptions& common) {
   if (trajectory.failed && !(options.keepFailed && !trajectory.frames.empty())) {
-    throw ComputationError(fmt::format("{}: {}{}", scene.file.string(), trajectory.statusText,
-                                       trajectory.frames.empty() ? "" : " (--keep-failed writes what was computed)"));
+    throw ComputationError(fmt::format(
+        "{}: {}{}", scene.file.string(), trajectory.statusText,
+        trajectory.frames.empty() || info.analysis != "gait" ? "" : " (--keep-failed writes what was computed)"));
   }
   if (trajectory.frames.empty()) {
     spdlog::warn("{}: interrupted before the first result; nothing written", scene.file.string());
@@ -57,6 +59,25 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
     output = report::writeRun(scene, trajectory, info, progress);
   }
   for (const auto& note : output.notes) spdlog::warn("{}", note);
+  int border = 0, noThickness = 0;
+  for (const auto& frame : trajectory.frames) {
+    for (const auto& result : frame.contacts) {
+      border = std::max(border, result.total.boundaryElements);
+      noThickness = std::max(noThickness, result.total.noThicknessElements);
+    }
+  }
+  if (border > 0) {
+    spdlog::warn(
+        "up to {} elements lie behind the open border of a moving surface and carry nothing (contact.sto: "
+        "boundary_elements); extend the surface",
+        border);
+  }
+  if (noThickness > 0) {
+    spdlog::warn(
+        "up to {} elements are left out because the moving body's back surface is missed there (contact.sto: "
+        "no_thickness_elements); extend it or give `missing`",
+        noThickness);
+  }
   if (report::worstStatus(trajectory.frames.back().contacts) == contact::EvaluationStatus::extrapolated) {
     spdlog::warn("{}", report::describeStatus(scene, trajectory.frames.back().contacts));
   }

@@ -17,6 +17,7 @@ struct genu_pair {
   gc::ContactPair pair;
 };
 struct genu_workspace {
+  const genu_pair* pair;
   gc::ContactWorkspace workspace;
   gc::ContactResult result;
 };
@@ -50,6 +51,7 @@ genu_status makeSurface(std::vector<gc::NurbsPatch> patches, genu_surface** out)
 }
 
 gc::Solid toSolid(genu_solid solid) {
+  require(solid >= GENU_SOLID_BELOW && solid <= GENU_SOLID_INSIDE, "surface: unknown solid side");
   return solid == GENU_SOLID_ABOVE ? gc::Solid::above : solid == GENU_SOLID_INSIDE ? gc::Solid::inside : gc::Solid::below;
 }
 
@@ -102,6 +104,9 @@ void copyLoad(const gc::NetLoad& l, genu_load& out) {
   out.energy = l.energy_J;
   copyVector(l.centerOfPressure_F, out.center_of_pressure);
   out.active_elements = l.activeElements;
+  out.extrapolated_elements = l.extrapolatedElements;
+  out.boundary_elements = l.boundaryElements;
+  out.no_thickness_elements = l.noThicknessElements;
 }
 
 }  // namespace
@@ -181,6 +186,7 @@ genu_status genu_pair_create(const genu_pair_options* options, genu_pair** out) 
     d.material = toMaterial(options->material);
     d.strain = options->large_strain ? gc::StrainMeasure::large : gc::StrainMeasure::small;
     d.correction = options->no_correction ? gc::Correction::none : gc::Correction::midsurface;
+    require(options->tracking >= 0 && options->tracking <= 2, "pair: tracking must be 0, 1 or 2");
     d.tracking = options->tracking == 1   ? gc::Tracking::all
                  : options->tracking == 2 ? gc::Tracking::breadthFirst
                                           : gc::Tracking::lipschitz;
@@ -197,7 +203,7 @@ int genu_pair_num_elements(const genu_pair* pair) { return pair ? pair->pair.num
 genu_status genu_workspace_create(const genu_pair* pair, genu_workspace** out) {
   return guard([&] {
     require(pair && out, "workspace: pair and out must not be NULL");
-    *out = new genu_workspace{gc::ContactWorkspace(pair->pair), {}};
+    *out = new genu_workspace{pair, gc::ContactWorkspace(pair->pair), {}};
     return GENU_OK;
   });
 }
@@ -209,6 +215,7 @@ genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, cons
                           double* power) {
   return guard([&] {
     require(pair && workspace && coordinates && total, "evaluate: pair, workspace, coordinates and total must not be NULL");
+    require(workspace->pair == pair, "evaluate: the workspace belongs to another pair");
     gc::JointCoordinates q, qdot{};
     for (size_t k = 0; k < 6; ++k) {
       q[k] = coordinates[k];

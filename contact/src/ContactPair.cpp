@@ -167,6 +167,7 @@ struct CompartmentMemory {
   std::vector<Vec3> p_MA;              // where it was
   std::vector<double> clearance_m;     // contact is impossible within this distance of p_MA
   std::vector<double> distance_m;      // signed
+  std::vector<char> onBorder;          // foot on the moving surface's border
   std::vector<unsigned> visit;         // evaluation that tested it last (search modes)
   std::vector<int> queue;
   std::vector<Active> active;          // in element order
@@ -230,6 +231,7 @@ ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_un
     m.p_MA.resize(n);
     m.clearance_m.resize(n);
     m.distance_m.resize(n);
+    m.onBorder.resize(n);
     m.visit.resize(n);
     m.queue.reserve(n);
     m.active.reserve(n);
@@ -249,6 +251,7 @@ void ContactWorkspace::reset() {
     std::fill(m.foot.begin(), m.foot.end(), SurfaceParameter{});
     std::fill(m.clearance_m.begin(), m.clearance_m.end(), 0.0);
     std::fill(m.distance_m.begin(), m.distance_m.end(), 0.0);
+    std::fill(m.onBorder.begin(), m.onBorder.end(), char{0});
     std::fill(m.visit.begin(), m.visit.end(), 0u);
     m.active.clear();
     m.previous.clear();
@@ -369,6 +372,7 @@ void ContactPair::Impl::evaluateCompartment(const Law& law_, const Compartment& 
     memory.foot[i] = foot.at;
     memory.p_MA[i] = p_MA;
     memory.distance_m[i] = foot.distance_m;
+    memory.onBorder[i] = foot.status == QueryStatus::onBoundary;
     neighbor = &memory.foot[i];
     if (foot.status == QueryStatus::notConverged) {
       ++load.notConvergedQueries;
@@ -524,6 +528,13 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
   } else if (const auto* plane = std::get_if<HeightAbovePlane>(&moving.source)) {
     m.movingLayer = MovingLayer::plane;
     m.planeMovingY_m = plane->planeY_m;
+    for (const CompartmentDefinition& c : m.definition.compartments) {
+      const double low = c.movingSurface->boundingBox().min().y(), high = c.movingSurface->boundingBox().max().y();
+      if (low <= plane->planeY_m && high >= plane->planeY_m) {
+        fail("thickness of the moving body: its surface, y ", low, " .. ", high, " m, crosses the plane y = ", plane->planeY_m,
+             " m from which the thickness is measured; move the plane to one side of it");
+      }
+    }
   } else if (std::holds_alternative<BackSurface>(moving.source)) {
     m.movingLayer = MovingLayer::map;
     if (moving.mapSamplesU < 2 || moving.mapSamplesV < 2) {
@@ -594,7 +605,8 @@ void ContactPair::evaluate(const JointCoordinates& q, ContactWorkspace& workspac
   if (w.hasStored && (w.storedWithEnergy || !options.withEnergy)) {
     double change = 0;
     for (size_t k = 0; k < 6; ++k) change = std::max(change, std::abs(q[k] - w.storedQ[k]));
-    if (change <= impl_->definition.copyTolerance) {
+    const double tolerance = impl_->definition.copyTolerance;
+    if (change <= (options.copyOnlySamePose ? std::min(tolerance, 0.0) : tolerance)) {
       result = w.stored;
       result.distanceQueries = 0;
       result.copied = true;
@@ -634,6 +646,12 @@ void ContactPair::evaluate(const Pose& X_FM, ContactWorkspace& workspace, const 
   evaluate(calcCoordinates(X_FM), workspace, options, result);
 }
 
+ContactResult ContactPair::evaluate(const JointCoordinates& q) const {
+  Options options;
+  options.withEnergy = true;
+  return evaluate(q, options);
+}
+
 ContactResult ContactPair::evaluate(const JointCoordinates& q, const Options& options) const {
   ContactWorkspace workspace(*this);
   ContactResult result;
@@ -657,6 +675,7 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       f.area_m2 = c.area_m2[i];
       f.h_m = c.hF_m[i];
       const double moved = (w.X_FM.applyInverse(c.p_FA[i]) - m.p_MA[i]).norm();
+      f.footOnBorder = m.onBorder[i] != 0;
       f.distance_m = moved == 0 ? m.distance_m[i] : m.distance_m[i] - moved;
     }
     for (const Active& a : m.active) {

@@ -86,7 +86,7 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
       Results& results = updValue<Results>(updCacheEntry(state, index));
       results.resize(pairs.size());
       for (size_t i = 0; i < pairs.size(); ++i) {
-        pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], {withEnergy}, results[i]);
+        pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], {withEnergy, true}, results[i]);
         ++workspaces.counters.evaluations;
         workspaces.counters.copies += results[i].copied ? 1 : 0;
         workspaces.counters.distanceQueries += results[i].distanceQueries;

@@ -54,11 +54,12 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
 
   double time() const override { return time_; }
 
-  void interpolate(double t, std::vector<double>& y) override {
+  bool interpolate(double t, std::vector<double>& y) override {
     Vector dense(y_.size());
-    if (cpodes_->getDky(t, 0, dense) != CPodes::Success) dense = y_;
+    if (cpodes_->getDky(t, 0, dense) != CPodes::Success) return false;
     y.assign(static_cast<size_t>(y_.size()), 0.0);
     for (int i = 0; i < y_.size(); ++i) y[static_cast<size_t>(i)] = dense[i];
+    return true;
   }
 
   Statistics statistics() override {

@@ -217,7 +217,10 @@ void integrate(KneeOde& ode, OdeIntegrator& integrator, const std::vector<double
       const double reached = integrator.time();
       for (; next < times.size() && times[next] <= reached * (1 + 1e-14); ++next) {
         const double t = std::min(times[next], reached);
-        integrator.interpolate(t, y);
+        if (!integrator.interpolate(t, y)) {
+          fail(t);
+          return;
+        }
         if (!addFrame(t, times[next], y)) return;
       }
     }

@@ -22,6 +22,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /** Largest move of one iteration or step: small against the surfaces' radii, so that no step jumps through a layer. */
 constexpr double kMaxMove_m = 0.5e-3;
+/** Poses of two methods that differ by less are the same equilibrium. */
+constexpr double kMethodAgreement_m = 1e-6;
 constexpr int kCoordinateY = 4;
 
 double infinityNorm(const VectorXd& v) { return v.size() ? v.cwiseAbs().maxCoeff() : 0.0; }
@@ -115,7 +117,10 @@ double Settling::findGap(const VectorXd& z) {
   double gap = kInfinity;
   for (int i = 0; i < dynamics_.knee().contact().numContactPairs(); ++i) {
     for (const auto& compartment : dynamics_.knee().contact().calcFields(state, i)) {
-      for (const contact::ElementField& element : compartment) gap = std::min(gap, element.distance_m);
+      // Behind an open border there is no material: only how far away it is counts.
+      for (const contact::ElementField& element : compartment) {
+        gap = std::min(gap, element.footOnBorder ? std::abs(element.distance_m) : element.distance_m);
+      }
     }
   }
   return gap;
@@ -127,7 +132,14 @@ void Settling::closeGap(VectorXd& z, int y) {
   constexpr double kTouch_m = 1e-6;
   const Extent extent = findExtent(z);
   const double lowest = z[y] - (extent.movingMax - extent.fixedMin);  // entirely below the fixed surface
+  VectorXd start;
+  if (dynamics_.calcStaticForce(z, start) == EvaluationStatus::fullPenetration) {
+    throw InputError(where() +
+                     "the moving surface encloses the fixed one although it lies above it: its normals are inverted; "
+                     "flip them (flip_normals)");
+  }
   while (z[y] > lowest) {
+    if (!mayContinue(0)) return;
     const double gap = findGap(z);
     if (gap == kInfinity) break;
     z[y] -= std::max(gap, 0.0) + kTouch_m;
@@ -392,6 +404,13 @@ StaticResult Settling::run() {
       outcome.interrupted = euler.interrupted;
       if (euler.converged) {
         result.methodDifference_m = infinityNorm(zEuler - z);
+        if (*result.methodDifference_m > kMethodAgreement_m) {
+          std::ostringstream text;
+          text << "newton and implicit Euler end " << *result.methodDifference_m * 1e3
+               << " mm apart: there are several equilibria, or maxAcceleration is too large";
+          outcome.converged = false;
+          outcome.reason = text.str();
+        }
       } else {
         outcome.converged = false;
         outcome.reason = "newton found an equilibrium, implicit Euler did not: " + euler.reason;
@@ -421,9 +440,17 @@ StaticResult Settling::run() {
   if (outcome.converged) {
     result.status = StaticResult::Status::converged;
     result.statusText = "converged";
+    MatrixXd K;
+    if (dynamics_.numFree() > 0 && dynamics_.calcStaticForce(z, r) <= EvaluationStatus::extrapolated &&
+        dynamics_.calcStiffness(z, r, K)) {
+      const VectorXd stiffness = Eigen::SelfAdjointEigenSolver<MatrixXd>(0.5 * (K + K.transpose())).eigenvalues();
+      if (stiffness.minCoeff() < -1e-6 * stiffness.cwiseAbs().maxCoeff()) {
+        result.statusText = "converged to an unstable equilibrium: the least disturbance makes the body leave it";
+      }
+    }
     for (const contact::ContactResult& contact : result.contacts) {
       if (contact.status == EvaluationStatus::extrapolated) {
-        result.statusText = "converged; some elements are beyond the range of the pressure law (d/h > 0.95)";
+        result.statusText += "; some elements are beyond the range of the pressure law (d/h > 0.95)";
       }
     }
   } else {

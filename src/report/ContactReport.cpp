@@ -61,6 +61,7 @@ NetLoad sumLoads(const std::vector<ContactResult>& results) {
     sum.fullPenetrationElements += load.fullPenetrationElements;
     sum.notConvergedQueries += load.notConvergedQueries;
     sum.boundaryElements += load.boundaryElements;
+    sum.noThicknessElements += load.noThicknessElements;
   }
   if (sum.area_m2 > 0) sum.meanPressure_Pa = sum.scalarForce_N / sum.area_m2;
   if (sum.scalarForce_N > 0) sum.centerOfPressure_F /= sum.scalarForce_N;
@@ -83,6 +84,19 @@ bool hasNumbers(EvaluationStatus status) {
   return status == EvaluationStatus::ok || status == EvaluationStatus::extrapolated;
 }
 
+std::string describeLeftOut(const NetLoad& load) {
+  std::string text;
+  if (load.boundaryElements > 0) {
+    text += fmt::format("; {} elements lie behind the open border of the moving surface and carry nothing",
+                        load.boundaryElements);
+  }
+  if (load.noThicknessElements > 0) {
+    text += fmt::format("; {} elements are left out because the moving body's back surface is missed there",
+                        load.noThicknessElements);
+  }
+  return text;
+}
+
 std::string describeStatus(const scene::Scene& scene, const std::vector<ContactResult>& results) {
   const EvaluationStatus status = worstStatus(results);
   std::vector<std::string> where;
@@ -98,14 +112,17 @@ std::string describeStatus(const scene::Scene& scene, const std::vector<ContactR
   const std::string place = where.empty() ? "" : fmt::format(" in {}", joinNames(where));
   switch (status) {
     case EvaluationStatus::ok: {
-      const int active = sumLoads(results).activeElements;
-      return active > 0 ? fmt::format("contact, {} active elements", active) : "no contact";
+      const NetLoad sum = sumLoads(results);
+      return (sum.activeElements > 0 ? fmt::format("contact, {} active elements", sum.activeElements) : "no contact") +
+             describeLeftOut(sum);
     }
     case EvaluationStatus::extrapolated:
       return fmt::format(
-          "{} elements{} are pressed beyond 95 % of the layer thickness; their pressure follows the tangent of the law "
-          "there and is only indicative",
-          count, place);
+                 "{} elements{} are pressed beyond 95 % of the layer thickness; their pressure follows the tangent of "
+                 "the law "
+                 "there and is only indicative",
+                 count, place) +
+             describeLeftOut(sumLoads(results));
     case EvaluationStatus::fullPenetration:
       return fmt::format(
           "full penetration: {} elements{} are pressed to their whole thickness or meet a surface that faces away, so "
@@ -141,6 +158,7 @@ ordered_json toJson(const NetLoad& load, bool withVectors) {
   json["max_strain"] = load.maxStrain;
   json["extrapolated_elements"] = load.extrapolatedElements;
   json["boundary_elements"] = load.boundaryElements;
+  json["no_thickness_elements"] = load.noThicknessElements;
   return json;
 }
 

@@ -90,10 +90,14 @@ void writeMotion(OutputFolder& out, const Scene& scene, const Trajectory& trajec
 }
 
 void writeContact(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
-  static constexpr std::array<const char*, 17> kQuantities = {
-      "force_x_N",      "force_y_N",        "force_z_N",        "moment_x_Nm", "moment_y_Nm",     "moment_z_Nm",
-      "scalar_force_N", "peak_pressure_Pa", "mean_pressure_Pa", "area_m2",     "active_elements", "cop_x_m",
-      "cop_y_m",        "cop_z_m",          "energy_J",         "max_strain",  "status"};
+  static constexpr std::array<const char*, 19> kQuantities = {
+      "force_x_N",      "force_y_N",         "force_z_N",
+      "moment_x_Nm",    "moment_y_Nm",       "moment_z_Nm",
+      "scalar_force_N", "peak_pressure_Pa",  "mean_pressure_Pa",
+      "area_m2",        "active_elements",   "cop_x_m",
+      "cop_y_m",        "cop_z_m",           "energy_J",
+      "max_strain",     "boundary_elements", "no_thickness_elements",
+      "status"};
   std::vector<std::string> names = listCompartmentNames(scene);
   names.emplace_back("total");
   io::Table table;
@@ -122,12 +126,15 @@ void writeContact(OutputFolder& out, const Scene& scene, const Trajectory& traje
       for (int axis = 0; axis < 3; ++axis) add(load.centerOfPressure_F[axis]);
       add(load.energy_J);
       add(load.maxStrain);
+      add(load.boundaryElements);
+      add(load.noThicknessElements);
     }
     add(static_cast<double>(worstStatus(frame.contacts)));
   }
   io::writeSto(out.file("contact.sto"), scene.name + ", contact", table, false,
                "Loads on the moving body in the fixed frame, moments about the fixed origin.\n"
-               "cop: center of pressure. max_strain: largest penetration over thickness.\n"
+               "cop: center of pressure. max_strain: largest penetration over thickness. Elements that carry nothing:\n"
+               "boundary, behind the open border of the moving surface; no_thickness, its back surface is missed.\n"
                "status: 0 ok, 1 extrapolated, 2 full penetration, 3 not converged.");
 }
 

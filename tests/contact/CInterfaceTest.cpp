@@ -31,6 +31,8 @@ TEST(CInterface, ErrorsAreStatusAndText) {
   EXPECT_EQ(genu_surface_create_sphere(0.03, &surface), GENU_OK);
   EXPECT_STREQ(genu_last_error(), "");
   genu_surface_destroy(surface);
+  EXPECT_EQ(genu_surface_create_plane(0, 0, 0, static_cast<genu_solid>(7), 1, &surface), GENU_BAD_ARGUMENT);
+  EXPECT_THAT(genu_last_error(), testing::HasSubstr("unknown solid side"));
   EXPECT_STREQ(genu_status_text(GENU_FULL_PENETRATION), "full_penetration");
 }
 

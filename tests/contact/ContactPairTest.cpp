@@ -244,6 +244,12 @@ TEST(Copy, SamePoseIsCopiedAndToleranceBoundsTheError) {
   const auto truth = exact.evaluate(moved);
   EXPECT_LT((second.total.forceOnM_F - truth.total.forceOnM_F).norm(), bound);
 
+  // Analyses that difference close poses ask for identical ones only.
+  tolerant.evaluate(q, other, {true}, first);
+  tolerant.evaluate(moved, other, {true, true}, second);
+  EXPECT_FALSE(second.copied);
+  EXPECT_EQ(second.total.activeElements, truth.total.activeElements);
+
   d.copyTolerance = -1;
   ContactPair never(d);
   ContactWorkspace third(never);
@@ -575,6 +581,9 @@ TEST(Grid, ErrorsNameTheCause) {
   d.fixedThickness = Thickness{};
   EXPECT_THAT(message(d), HasSubstr("both bodies are rigid"));
   d = scene();
+  d.movingThickness.source = HeightAbovePlane{0.01};  // the sphere reaches from -30 to 30 mm
+  EXPECT_THAT(message(d), HasSubstr("crosses the plane"));
+  d = scene();
   d.material.nu = 0.5;
   EXPECT_THAT(message(d), HasSubstr("nu = 0.5"));
   d = scene();
@@ -617,7 +626,14 @@ TEST(Status, ElementsBeyondTheMovingBorderAreNotInContactButCounted) {
   auto d = makeScene(share(makePlane(0.006, 0, 0, Solid::below, 0.1)), share(makePlane(0, 0, 0, Solid::above, 0.004)),
                      constantThickness(0.006), uhmwpe(), 0.008, 16);
   const ContactPair pair(d);
-  const auto r = pair.evaluate(JointCoordinates{0, 0, 0, 0, 0.0059, 0});
+  ContactWorkspace workspace(pair);
+  ContactResult r;
+  pair.evaluate(JointCoordinates{0, 0, 0, 0, 0.0059, 0}, workspace, {}, r);
+  int onBorder = 0;
+  for (const auto& fields : pair.calcFields(workspace)) {
+    for (const ElementField& f : fields) onBorder += f.footOnBorder;
+  }
+  EXPECT_EQ(onBorder, 192);
   EXPECT_EQ(r.total.activeElements, 64);   // the part under the moving sheet
   EXPECT_EQ(r.total.boundaryElements, 192);
   EXPECT_NEAR(r.total.peakPressure_Pa, 2140.582192e6 * 0.1 / 6, 10);

@@ -129,6 +129,7 @@ struct ElementField {
   double p_Pa = 0;
   Vec3 forceDirection_F = Vec3::Zero();
   bool active = false;
+  bool footOnBorder = false;  ///< the last foot was on the moving surface's border: no contact whatever the distance
 };
 
 /** What the grid construction found, per compartment. */
@@ -196,13 +197,16 @@ class ContactPair {
 
   struct Options {
     bool withEnergy = false;
+    /** Copies identical poses only, whatever copyTolerance: where differences between close poses matter. */
+    bool copyOnlySamePose = false;
   };
   /** Net loads at pose q. `result` is filled in place (its vectors keep their memory). */
   void evaluate(const JointCoordinates& q, ContactWorkspace& workspace, const Options& options,
                 ContactResult& result) const;
   void evaluate(const Pose& X_FM, ContactWorkspace& workspace, const Options& options, ContactResult& result) const;
   /** Convenience: cold, allocates. */
-  ContactResult evaluate(const JointCoordinates& q, const Options& options = {true}) const;
+  ContactResult evaluate(const JointCoordinates& q, const Options& options) const;
+  ContactResult evaluate(const JointCoordinates& q) const;  ///< with energy
 
   /** Per-element values of the last evaluation held by `workspace`, one vector per compartment (elements only). */
   std::vector<std::vector<ElementField>> calcFields(const ContactWorkspace& workspace) const;

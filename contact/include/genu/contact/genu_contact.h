@@ -93,6 +93,9 @@ typedef struct genu_load {
   double scalar_force, peak_pressure, mean_pressure, area, energy;
   double center_of_pressure[3];
   int active_elements;
+  int extrapolated_elements; /* beyond d/h = 0.95 */
+  int boundary_elements;     /* behind the open border of the moving surface: carry nothing */
+  int no_thickness_elements; /* left out: the moving body's back surface is missed there */
 } genu_load;
 
 /* coordinates: rx, ry, rz [rad], x, y, z [m]; rates: their time derivatives, or NULL. total: required.

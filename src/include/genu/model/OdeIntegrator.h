@@ -36,7 +36,7 @@ class OdeIntegrator {
   virtual bool step() = 0;
   virtual double time() const = 0;
   /** The solution inside the last step. */
-  virtual void interpolate(double t, std::vector<double>& y) = 0;
+  [[nodiscard]] virtual bool interpolate(double t, std::vector<double>& y) = 0;
   virtual Statistics statistics() = 0;
   virtual const std::string& errorText() const = 0;
 };
