@@ -168,6 +168,8 @@ void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& 
   if (d.movingMaterial) fmt::print("  material of the moving layer: {}, in series\n", describe(*d.movingMaterial));
   fmt::print("  strain: {}\n  distance: minimum, {}\n", d.strain == contact::StrainMeasure::small ? "small" : "large",
              d.correction == contact::Correction::midsurface ? "midsurface correction" : "not corrected");
+  fmt::print("  rule: {}\n", d.rule == contact::ContactRule::smooth ? "smooth (pressure integrated over the part of each cell that touches)"
+                                                                      : "centre (whole cells, by their centre)");
   fmt::print("  tracking: {}\n", describe(d.tracking));
   if (d.copyTolerance >= 0)
     fmt::print("  a stored result is copied when no coordinate moved by more than {:g}\n", d.copyTolerance);
@@ -208,6 +210,8 @@ void explainLeftOut(const Built& built) {
   if (all([](const Definition& d) { return !d.movingMaterial; })) left.emplace_back("layers in series: one material");
   if (all([](const Definition& d) { return d.material.law == contact::MaterialLaw::linear && !d.movingMaterial; })) {
     left.emplace_back("root finding for the pressure: the law is linear");
+  } else if (all([](const Definition& d) { return d.rule == contact::ContactRule::smooth && !d.movingMaterial; })) {
+    left.emplace_back("root finding for the pressure while running: the law is tabulated once");
   }
   if (all([](const Definition& d) { return d.correction == contact::Correction::none; })) {
     left.emplace_back("midsurface correction: switched off");
@@ -219,6 +223,9 @@ void explainLeftOut(const Built& built) {
   }
   if (all([](const Definition& d) { return d.copyTolerance < 0; }))
     left.emplace_back("copying of stored results: switched off");
+  if (all([](const Definition& d) { return d.rule == contact::ContactRule::centre; })) {
+    left.emplace_back("integration over parts of cells, contact stiffness: the rule counts whole cells");
+  }
   left.emplace_back("contact energy and fields of single elements: computed for outputs only, not while integrating");
   if (!scene.model) {
     left.emplace_back("bodies, joint, loads and time integration: the scene has no model");

@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
 #include <exception>
 #include <memory>
 #include <new>
@@ -14,40 +17,101 @@ struct genu_surface {
   std::shared_ptr<const gc::ContactSurface> surface;
 };
 struct genu_pair {
-  gc::ContactPair pair;
+  std::shared_ptr<const gc::ContactPair> pair;
 };
 struct genu_workspace {
-  const genu_pair* pair;
+  std::shared_ptr<const gc::ContactPair> pair;  // kept alive: pair and workspace may be destroyed in any order
   gc::ContactWorkspace workspace;
   gc::ContactResult result;
+  bool evaluated = false;
 };
 
 namespace {
 
-thread_local std::string lastError;
+// A plain buffer: reporting "out of memory" must not allocate.
+constexpr size_t kErrorSize = 1024;
+thread_local char lastError[kErrorSize] = "";
+
+genu_status fail(genu_status status, const char* text) noexcept {
+  std::strncpy(lastError, text, kErrorSize - 1);
+  lastError[kErrorSize - 1] = '\0';
+  return status;
+}
 
 /** Runs `body`; turns exceptions into a status and keeps the reason. */
 template <class Body>
-genu_status guard(Body body) {
+genu_status guard(Body body) noexcept {
   try {
-    lastError.clear();
+    lastError[0] = '\0';
     return body();
   } catch (const std::bad_alloc&) {
-    lastError = "out of memory";
-    return GENU_OUT_OF_MEMORY;
+    return fail(GENU_OUT_OF_MEMORY, "out of memory");
+  } catch (const std::length_error&) {
+    return fail(GENU_OUT_OF_MEMORY, "a size is beyond what memory can hold");
+  } catch (const std::invalid_argument& e) {
+    return fail(GENU_BAD_ARGUMENT, e.what());
   } catch (const std::exception& e) {
-    lastError = e.what();
-    return GENU_BAD_ARGUMENT;
+    return fail(GENU_INTERNAL_ERROR, e.what());
+  } catch (...) {
+    return fail(GENU_INTERNAL_ERROR, "unknown exception");
   }
 }
 
 void require(bool ok, const char* message) {
   if (!ok) throw std::invalid_argument(message);
 }
+void require(bool ok, const std::string& message) {
+  if (!ok) throw std::invalid_argument(message);
+}
+
+void requireFinite(const double* values, int count, const char* what) {
+  for (int k = 0; k < count; ++k) {
+    if (!std::isfinite(values[k])) {
+      throw std::invalid_argument(std::string(what) + "[" + std::to_string(k) + "] is not a finite number");
+    }
+  }
+}
+
+/** A caller's struct of its own size as one of this library's. Fields the caller does not have are 0, the default; fields
+ this library does not have must be 0. */
+template <class Struct>
+Struct readStruct(const Struct* from, const char* name) {
+  Struct to{};
+  const size_t size = from->struct_size;
+  const auto refuse = [&](const char* why) {
+    throw std::invalid_argument(std::string(name) + ": struct_size = " + std::to_string(size) + why);
+  };
+  if (size < sizeof(Struct::struct_size) || size > 65536) refuse(" must be the size of the struct: call its _init function");
+  const unsigned char* bytes = reinterpret_cast<const unsigned char*>(from);
+  for (size_t k = sizeof(Struct); k < size; ++k) {
+    if (bytes[k] != 0) refuse(": a field is set that this older library does not know");
+  }
+  std::memcpy(&to, from, std::min(size, sizeof(Struct)));
+  to.struct_size = sizeof(Struct);
+  return to;
+}
+
+template <class Struct>
+void initStruct(Struct* to, size_t size) {
+  if (!to || size < sizeof(to->struct_size)) return;
+  std::memset(static_cast<void*>(to), 0, size);
+  to->struct_size = size;
+}
 
 genu_status makeSurface(std::vector<gc::NurbsPatch> patches, genu_surface** out) {
-  *out = new genu_surface{std::make_shared<const gc::ContactSurface>(std::move(patches))};
+  auto made = std::make_unique<genu_surface>();
+  made->surface = std::make_shared<const gc::ContactSurface>(std::move(patches));
+  *out = made.release();
   return GENU_OK;
+}
+
+/** Checks `out`, makes the patches, makes the surface. */
+template <class MakePatches>
+genu_status createSurface(genu_surface** out, MakePatches makePatches) noexcept {
+  return guard([&] {
+    require(out != nullptr, "surface: out is NULL");
+    return makeSurface(makePatches(), out);
+  });
 }
 
 gc::Solid toSolid(genu_solid solid) {
@@ -55,7 +119,38 @@ gc::Solid toSolid(genu_solid solid) {
   return solid == GENU_SOLID_ABOVE ? gc::Solid::above : solid == GENU_SOLID_INSIDE ? gc::Solid::inside : gc::Solid::below;
 }
 
-gc::Thickness toThickness(const genu_thickness& t) {
+gc::NurbsPatch toPatch(const genu_nurbs_patch& p, int index) {
+  const std::string where = "patches[" + std::to_string(index) + "]: ";
+  require(p.knots_u && p.knots_v && p.points, where + "knots_u, knots_v and points must not be NULL");
+  require(p.degree_u >= 1 && p.degree_v >= 1 && p.degree_u <= 5 && p.degree_v <= 5, where + "degrees must be 1 to 5");
+  require(p.num_u > p.degree_u && p.num_v > p.degree_v, where + "num_u and num_v must be larger than the degrees");
+  const auto requireKnots = [&](const char* direction, int knots, int points, int degree) {
+    const long long needed = static_cast<long long>(points) + degree + 1;
+    require(knots == needed, where + "num_knots_" + direction + " = " + std::to_string(knots) + " must be num_" + direction +
+                                 " + degree_" + direction + " + 1 = " + std::to_string(needed));
+  };
+  requireKnots("u", p.num_knots_u, p.num_u, p.degree_u);
+  requireKnots("v", p.num_knots_v, p.num_v, p.degree_v);
+  gc::NurbsPatchData d;
+  d.degreeU = p.degree_u;
+  d.degreeV = p.degree_v;
+  d.numU = p.num_u;
+  d.numV = p.num_v;
+  d.knotsU.assign(p.knots_u, p.knots_u + p.num_knots_u);
+  d.knotsV.assign(p.knots_v, p.knots_v + p.num_knots_v);
+  const size_t count = static_cast<size_t>(p.num_u) * static_cast<size_t>(p.num_v);
+  d.points.reserve(count);
+  for (size_t i = 0; i < count; ++i) d.points.emplace_back(p.points[3 * i], p.points[3 * i + 1], p.points[3 * i + 2]);
+  if (p.weights) d.weights.assign(p.weights, p.weights + count);
+  d.flipNormal = p.flip_normal != 0;
+  try {
+    return gc::NurbsPatch(std::move(d));
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(where + e.what());
+  }
+}
+
+gc::Thickness toThickness(const genu_thickness& t, const std::string& name) {
   gc::Thickness out;
   switch (t.kind) {
     case GENU_THICKNESS_NONE: break;
@@ -63,14 +158,24 @@ gc::Thickness toThickness(const genu_thickness& t) {
     case GENU_THICKNESS_ABOVE_PLANE: out.source = gc::HeightAbovePlane{t.value}; break;
     case GENU_THICKNESS_BACK_CLOSEST:
     case GENU_THICKNESS_BACK_NORMAL:
-      require(t.back != nullptr, "thickness: back surface is NULL");
+      require(t.back != nullptr, name + ": back surface is NULL");
       out.source = gc::BackSurface{t.back->surface, t.kind == GENU_THICKNESS_BACK_NORMAL ? gc::BackDirection::normal
                                                                                          : gc::BackDirection::closest};
       break;
-    default: throw std::invalid_argument("thickness: unknown kind");
+    default: throw std::invalid_argument(name + ": unknown kind");
   }
+  for (const double v : {t.value, t.min, t.max, t.missing}) {
+    require(std::isfinite(v), name + ": a value is not a finite number");
+  }
+  require(t.min >= 0 && t.max >= 0 && t.missing >= 0, name + ": min, max and missing must be >= 0 (0: none)");
+  require(t.map_samples_u >= 0 && t.map_samples_v >= 0 && t.map_samples_u != 1 && t.map_samples_v != 1 &&
+              t.map_samples_u <= 4096 && t.map_samples_v <= 4096,
+          name + ": map_samples_u and map_samples_v must be 2 to 4096, or 0 for the default");
   if (t.min != 0) out.min_m = t.min;
   if (t.max != 0) out.max_m = t.max;
+  if (t.missing != 0) out.missing_m = t.missing;
+  if (t.map_samples_u != 0) out.mapSamplesU = t.map_samples_u;
+  if (t.map_samples_v != 0) out.mapSamplesV = t.map_samples_v;
   return out;
 }
 
@@ -88,6 +193,62 @@ gc::Material toMaterial(const genu_material& m) {
   return out;
 }
 
+gc::CompartmentDefinition toCompartment(const genu_compartment& c, int index) {
+  const std::string where = "compartments[" + std::to_string(index) + "]: ";
+  require(c.fixed && c.moving, where + "fixed and moving surface must not be NULL");
+  const double rectangle[] = {c.x0, c.x1, c.z0, c.z1};
+  requireFinite(rectangle, 4, (where + "x0, x1, z0, z1").c_str());
+  gc::CompartmentDefinition out;
+  out.name = c.name ? c.name : "compartment " + std::to_string(index);
+  out.x0_m = c.x0;
+  out.x1_m = c.x1;
+  out.z0_m = c.z0;
+  out.z1_m = c.z1;
+  out.nx = c.nx;
+  out.nz = c.nz;
+  out.fixedSurface = c.fixed->surface;
+  out.movingSurface = c.moving->surface;
+  return out;
+}
+
+gc::ContactPairDefinition toDefinition(const genu_pair_options& o) {
+  require(o.compartments != nullptr && o.num_compartments > 0, "pair: at least one compartment is needed");
+  require(o.strain == GENU_STRAIN_SMALL || o.strain == GENU_STRAIN_LARGE, "pair: unknown strain");
+  require(o.correction == GENU_CORRECTION_MIDSURFACE || o.correction == GENU_CORRECTION_NONE, "pair: unknown correction");
+  require(o.rule == GENU_RULE_SMOOTH || o.rule == GENU_RULE_CENTRE, "pair: unknown rule");
+  require(std::isfinite(o.element_plane_y), "pair: element_plane_y is not a finite number");
+  require(std::isfinite(o.copy_tolerance), "pair: copy_tolerance is not a finite number");
+  gc::ContactPairDefinition d;
+  for (int k = 0; k < o.num_compartments; ++k) d.compartments.push_back(toCompartment(o.compartments[k], k));
+  if (o.use_element_plane) d.planeY_m = o.element_plane_y;
+  d.fixedThickness = toThickness(o.fixed_thickness, "fixed_thickness");
+  d.movingThickness = toThickness(o.moving_thickness, "moving_thickness");
+  d.material = toMaterial(o.material);
+  if (o.moving_material) d.movingMaterial = toMaterial(*o.moving_material);
+  d.strain = o.strain == GENU_STRAIN_LARGE ? gc::StrainMeasure::large : gc::StrainMeasure::small;
+  d.correction = o.correction == GENU_CORRECTION_NONE ? gc::Correction::none : gc::Correction::midsurface;
+  d.rule = o.rule == GENU_RULE_CENTRE ? gc::ContactRule::centre : gc::ContactRule::smooth;
+  switch (o.tracking) {
+    case GENU_TRACKING_LIPSCHITZ: d.tracking = gc::Tracking::lipschitz; break;
+    case GENU_TRACKING_ALL: d.tracking = gc::Tracking::all; break;
+    case GENU_TRACKING_BREADTH_FIRST: d.tracking = gc::Tracking::breadthFirst; break;
+    case GENU_TRACKING_BREADTH_FIRST_UNGUARDED: d.tracking = gc::Tracking::breadthFirstUnguarded; break;
+    default: throw std::invalid_argument("pair: unknown tracking");
+  }
+  d.copyTolerance = o.copy_tolerance;
+  return d;
+}
+
+bool hasCompartment(const genu_pair* pair, int compartment) {
+  return pair && compartment >= 0 && compartment < pair->pair->numCompartments();
+}
+
+void requireCompartment(const genu_pair* pair, int compartment) {
+  require(pair != nullptr, "pair is NULL");
+  require(hasCompartment(pair, compartment), "compartment = " + std::to_string(compartment) + " must be 0 to " +
+                                                 std::to_string(pair->pair->numCompartments() - 1));
+}
+
 void copyVector(const gc::Vec3& v, double out[3]) {
   for (int k = 0; k < 3; ++k) out[k] = v[k];
 }
@@ -99,149 +260,62 @@ void copyLoad(const gc::NetLoad& l, genu_load& out) {
   copyVector(l.momentOnF_Fo_F(), out.moment_on_fixed_about_fixed_origin);
   out.scalar_force = l.scalarForce_N;
   out.peak_pressure = l.peakPressure_Pa;
+  copyVector(l.peakPoint_F, out.peak_point);
   out.mean_pressure = l.meanPressure_Pa;
   out.area = l.area_m2;
   out.energy = l.energy_J;
+  out.max_strain = l.maxStrain;
   copyVector(l.centerOfPressure_F, out.center_of_pressure);
   out.active_elements = l.activeElements;
   out.extrapolated_elements = l.extrapolatedElements;
+  out.full_penetration_elements = l.fullPenetrationElements;
+  out.not_converged_queries = l.notConvergedQueries;
   out.boundary_elements = l.boundaryElements;
   out.no_thickness_elements = l.noThicknessElements;
+}
+
+void copyElement(const gc::ElementField& e, genu_element& out) {
+  out.ix = e.ix;
+  out.iz = e.iz;
+  copyVector(e.p_FA, out.point);
+  copyVector(e.normal_F, out.normal);
+  out.area = e.area_m2;
+  out.contact_share = e.contactShare;
+  out.force = e.force_N;
+  out.distance = e.distance_m;
+  out.penetration = e.d_m;
+  out.thickness = e.h_m;
+  out.pressure = e.p_Pa;
+  copyVector(e.forceDirection_F, out.force_direction);
+  out.active = e.active;
+  out.foot_on_border = e.footOnBorder;
+}
+
+gc::JointCoordinates toCoordinates(const double values[6]) {
+  gc::JointCoordinates q;
+  std::copy(values, values + 6, q.begin());
+  return q;
+}
+
+genu_status toStatus(gc::EvaluationStatus status) {
+  switch (status) {
+    case gc::EvaluationStatus::ok: return GENU_OK;
+    case gc::EvaluationStatus::extrapolated: return GENU_EXTRAPOLATED;
+    case gc::EvaluationStatus::fullPenetration: return GENU_FULL_PENETRATION;
+    case gc::EvaluationStatus::notConverged: return GENU_NOT_CONVERGED;
+  }
+  throw std::logic_error("evaluate: unknown status");
 }
 
 }  // namespace
 
 extern "C" {
 
-genu_status genu_surface_create_nurbs(int degree_u, int degree_v, int num_u, int num_v, const double* knots_u,
-                                      const double* knots_v, const double* points, const double* weights,
-                                      int flip_normal, genu_surface** out) {
-  return guard([&] {
-    require(knots_u && knots_v && points && out, "surface: knots, points and out must not be NULL");
-    require(degree_u >= 1 && degree_v >= 1 && num_u >= 2 && num_v >= 2, "surface: degree must be >= 1, counts >= 2");
-    gc::NurbsPatchData d;
-    d.degreeU = degree_u;
-    d.degreeV = degree_v;
-    d.numU = num_u;
-    d.numV = num_v;
-    d.knotsU.assign(knots_u, knots_u + num_u + degree_u + 1);
-    d.knotsV.assign(knots_v, knots_v + num_v + degree_v + 1);
-    for (int i = 0; i < num_u * num_v; ++i) d.points.emplace_back(points[3 * i], points[3 * i + 1], points[3 * i + 2]);
-    if (weights) d.weights.assign(weights, weights + num_u * num_v);
-    d.flipNormal = flip_normal != 0;
-    std::vector<gc::NurbsPatch> patches;
-    patches.emplace_back(std::move(d));
-    return makeSurface(std::move(patches), out);
-  });
-}
+const char* genu_version(void) { return GENU_VERSION; }
 
-genu_status genu_surface_create_plane(double y0, double slope_x, double slope_z, genu_solid solid, double half_extent,
-                                      genu_surface** out) {
-  return guard([&] {
-    require(out, "surface: out is NULL");
-    return makeSurface(gc::makePlane(y0, slope_x, slope_z, toSolid(solid), half_extent), out);
-  });
-}
+// ---- Errors ----
 
-genu_status genu_surface_create_sphere(double radius, genu_surface** out) {
-  return guard([&] {
-    require(out, "surface: out is NULL");
-    return makeSurface(gc::makeSphere(radius), out);
-  });
-}
-
-genu_status genu_surface_create_dish(double y0, double radius_sagittal, double radius_frontal, genu_solid solid,
-                                     double half_extent, genu_surface** out) {
-  return guard([&] {
-    require(out, "surface: out is NULL");
-    return makeSurface(gc::makeDish(y0, radius_sagittal, radius_frontal, toSolid(solid), half_extent), out);
-  });
-}
-
-void genu_surface_destroy(genu_surface* surface) { delete surface; }
-
-genu_status genu_pair_create(const genu_pair_options* options, genu_pair** out) {
-  return guard([&] {
-    require(options && out, "pair: options and out must not be NULL");
-    require(options->compartments != nullptr && options->num_compartments > 0, "pair: at least one compartment is needed");
-    gc::ContactPairDefinition d;
-    for (int k = 0; k < options->num_compartments; ++k) {
-      const genu_compartment& c = options->compartments[k];
-      require(c.fixed && c.moving, "compartment: fixed and moving surface must not be NULL");
-      gc::CompartmentDefinition def;
-      def.name = c.name ? c.name : "compartment " + std::to_string(k);
-      def.x0_m = c.x0;
-      def.x1_m = c.x1;
-      def.z0_m = c.z0;
-      def.z1_m = c.z1;
-      def.nx = c.nx;
-      def.nz = c.nz;
-      def.fixedSurface = c.fixed->surface;
-      def.movingSurface = c.moving->surface;
-      d.compartments.push_back(std::move(def));
-    }
-    if (options->use_element_plane) d.planeY_m = options->element_plane_y;
-    d.fixedThickness = toThickness(options->fixed_thickness);
-    d.movingThickness = toThickness(options->moving_thickness);
-    d.material = toMaterial(options->material);
-    d.strain = options->large_strain ? gc::StrainMeasure::large : gc::StrainMeasure::small;
-    d.correction = options->no_correction ? gc::Correction::none : gc::Correction::midsurface;
-    require(options->tracking >= 0 && options->tracking <= 2, "pair: tracking must be 0, 1 or 2");
-    d.tracking = options->tracking == 1   ? gc::Tracking::all
-                 : options->tracking == 2 ? gc::Tracking::breadthFirst
-                                          : gc::Tracking::lipschitz;
-    d.copyTolerance = options->copy_tolerance;
-    *out = new genu_pair{gc::ContactPair(std::move(d))};
-    return GENU_OK;
-  });
-}
-
-void genu_pair_destroy(genu_pair* pair) { delete pair; }
-
-int genu_pair_num_elements(const genu_pair* pair) { return pair ? pair->pair.numElements() : 0; }
-
-genu_status genu_workspace_create(const genu_pair* pair, genu_workspace** out) {
-  return guard([&] {
-    require(pair && out, "workspace: pair and out must not be NULL");
-    *out = new genu_workspace{pair, gc::ContactWorkspace(pair->pair), {}};
-    return GENU_OK;
-  });
-}
-
-void genu_workspace_destroy(genu_workspace* workspace) { delete workspace; }
-
-genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, const double coordinates[6],
-                          const double rates[6], int with_energy, genu_load* total, genu_load* compartments,
-                          double* power) {
-  return guard([&] {
-    require(pair && workspace && coordinates && total, "evaluate: pair, workspace, coordinates and total must not be NULL");
-    require(workspace->pair == pair, "evaluate: the workspace belongs to another pair");
-    gc::JointCoordinates q, qdot{};
-    for (size_t k = 0; k < 6; ++k) {
-      q[k] = coordinates[k];
-      require(q[k] - q[k] == 0, "evaluate: a coordinate is not finite");
-      if (rates) qdot[k] = rates[k];
-    }
-    gc::ContactResult& r = workspace->result;
-    pair->pair.evaluate(q, workspace->workspace, {with_energy != 0}, r);
-    copyLoad(r.total, *total);
-    if (compartments) {
-      for (size_t k = 0; k < r.compartments.size(); ++k) copyLoad(r.compartments[k], compartments[k]);
-    }
-    if (power) {
-      *power = rates ? gc::ContactPair::calcPower(r.total, gc::calcSpatialVelocity(q, qdot), gc::Vec3(q[3], q[4], q[5])) : 0;
-    }
-    switch (r.status) {
-      case gc::EvaluationStatus::ok: return GENU_OK;
-      case gc::EvaluationStatus::extrapolated: return GENU_EXTRAPOLATED;
-      case gc::EvaluationStatus::fullPenetration: return GENU_FULL_PENETRATION;
-      case gc::EvaluationStatus::notConverged: return GENU_NOT_CONVERGED;
-    }
-    return GENU_BAD_ARGUMENT;
-  });
-}
-
-const char* genu_last_error(void) { return lastError.c_str(); }
+const char* genu_last_error(void) { return lastError; }
 
 const char* genu_status_text(genu_status status) {
   switch (status) {
@@ -251,8 +325,225 @@ const char* genu_status_text(genu_status status) {
     case GENU_NOT_CONVERGED: return "not_converged";
     case GENU_BAD_ARGUMENT: return "bad_argument";
     case GENU_OUT_OF_MEMORY: return "out_of_memory";
+    case GENU_INTERNAL_ERROR: return "internal_error";
   }
   return "unknown";
+}
+
+genu_status genu_set_last_error(genu_status status, const char* text) { return fail(status, text ? text : ""); }
+
+// ---- Surfaces ----
+
+genu_status genu_surface_create_nurbs(const genu_nurbs_patch* patches, int num_patches, genu_surface** out) {
+  return createSurface(out, [&] {
+    require(patches != nullptr && num_patches > 0, "surface: at least one patch is needed");
+    std::vector<gc::NurbsPatch> made;
+    for (int k = 0; k < num_patches; ++k) made.push_back(toPatch(patches[k], k));
+    return made;
+  });
+}
+
+genu_status genu_surface_create_plane(double y0, double slope_x, double slope_z, genu_solid solid, double half_extent,
+                                      genu_surface** out) {
+  return createSurface(out, [&] { return gc::makePlane(y0, slope_x, slope_z, toSolid(solid), half_extent); });
+}
+
+genu_status genu_surface_create_dish(double y0, double radius_sagittal, double radius_frontal, genu_solid solid,
+                                     double half_extent, genu_surface** out) {
+  return createSurface(
+      out, [&] { return gc::makeDish(y0, radius_sagittal, radius_frontal, toSolid(solid), half_extent); });
+}
+
+genu_status genu_surface_create_paraboloid(double y0, double radius_x, double radius_z, genu_solid solid,
+                                           double half_extent, genu_surface** out) {
+  return createSurface(out, [&] { return gc::makeParaboloid(y0, radius_x, radius_z, toSolid(solid), half_extent); });
+}
+
+genu_status genu_surface_create_sphere(double radius, genu_surface** out) {
+  return createSurface(out, [&] { return gc::makeSphere(radius); });
+}
+
+genu_status genu_surface_create_cylinder(double radius, double length, genu_surface** out) {
+  return createSurface(out, [&] { return gc::makeCylinder(radius, length); });
+}
+
+genu_status genu_surface_create_ellipsoid(double a, double b, double c, genu_surface** out) {
+  return createSurface(out, [&] { return gc::makeEllipsoid(a, b, c); });
+}
+
+genu_status genu_surface_create_torus(double radius_sagittal, double radius_frontal, genu_surface** out) {
+  return createSurface(out, [&] { return gc::makeTorus(radius_sagittal, radius_frontal); });
+}
+
+genu_status genu_surface_create_placed(const genu_surface* surface, const double placement[6], genu_surface** out) {
+  return createSurface(out, [&] {
+    require(surface && placement, "surface: surface and placement must not be NULL");
+    requireFinite(placement, 6, "surface: placement");
+    const gc::Pose pose = gc::calcPose(toCoordinates(placement));
+    std::vector<gc::NurbsPatch> patches;
+    for (int k = 0; k < surface->surface->numPatches(); ++k) patches.push_back(surface->surface->patch(k).transformed(pose));
+    return patches;
+  });
+}
+
+void genu_surface_destroy(genu_surface* surface) { delete surface; }
+
+int genu_surface_num_patches(const genu_surface* surface) { return surface ? surface->surface->numPatches() : 0; }
+
+// ---- Contact pairs ----
+
+void genu_pair_options_init(genu_pair_options* options, size_t size) { initStruct(options, size); }
+void genu_evaluate_options_init(genu_evaluate_options* options, size_t size) { initStruct(options, size); }
+void genu_result_init(genu_result* result, size_t size) { initStruct(result, size); }
+
+genu_status genu_pair_create(const genu_pair_options* options, genu_pair** out) {
+  return guard([&] {
+    require(options && out, "pair: options and out must not be NULL");
+    auto made = std::make_unique<genu_pair>();
+    made->pair = std::make_shared<const gc::ContactPair>(toDefinition(readStruct(options, "genu_pair_options")));
+    *out = made.release();
+    return GENU_OK;
+  });
+}
+
+void genu_pair_destroy(genu_pair* pair) { delete pair; }
+
+int genu_pair_num_compartments(const genu_pair* pair) { return pair ? pair->pair->numCompartments() : 0; }
+
+int genu_pair_num_elements(const genu_pair* pair) { return pair ? pair->pair->numElements() : 0; }
+
+int genu_pair_num_compartment_elements(const genu_pair* pair, int compartment) {
+  if (!hasCompartment(pair, compartment)) return 0;
+  return pair->pair->gridReports()[static_cast<size_t>(compartment)].elements;
+}
+
+const char* genu_pair_compartment_name(const genu_pair* pair, int compartment) {
+  if (!hasCompartment(pair, compartment)) return nullptr;
+  return pair->pair->gridReports()[static_cast<size_t>(compartment)].name.c_str();
+}
+
+genu_status genu_pair_grid_report(const genu_pair* pair, int compartment, genu_grid_report* out) {
+  return guard([&] {
+    require(out != nullptr, "grid report: out is NULL");
+    requireCompartment(pair, compartment);
+    const gc::GridReport& r = pair->pair->gridReports()[static_cast<size_t>(compartment)];
+    out->cells = r.cells;
+    out->elements = r.elements;
+    out->missed_surface = r.missedSurface;
+    out->below_plane = r.belowPlane;
+    out->downward_only = r.downwardOnly;
+    out->missed_back = r.missedBack;
+    out->clamped = r.clamped;
+    out->min_thickness = r.minThickness_m;
+    out->max_thickness = r.maxThickness_m;
+    out->mean_thickness = r.meanThickness_m;
+    out->surface_area = r.surfaceArea_m2;
+    return GENU_OK;
+  });
+}
+
+int genu_pair_num_maps(const genu_pair* pair) {
+  return pair ? static_cast<int>(pair->pair->thicknessMapReports().size()) : 0;
+}
+
+genu_status genu_pair_map_report(const genu_pair* pair, int map, genu_map_report* out) {
+  return guard([&] {
+    require(pair && out, "map report: pair and out must not be NULL");
+    require(map >= 0 && map < genu_pair_num_maps(pair), "map = " + std::to_string(map) + " must be below " +
+                                                            std::to_string(genu_pair_num_maps(pair)));
+    const gc::ThicknessMapReport& r = pair->pair->thicknessMapReports()[static_cast<size_t>(map)];
+    out->samples = r.samples;
+    out->missed = r.missed;
+    out->clamped = r.clamped;
+    out->min_thickness = r.min_m;
+    out->max_thickness = r.max_m;
+    out->mean_thickness = r.mean_m;
+    return GENU_OK;
+  });
+}
+
+// ---- Evaluation ----
+
+genu_status genu_workspace_create(const genu_pair* pair, genu_workspace** out) {
+  return guard([&] {
+    require(pair && out, "workspace: pair and out must not be NULL");
+    *out = new genu_workspace{pair->pair, gc::ContactWorkspace(*pair->pair), {}, false};
+    return GENU_OK;
+  });
+}
+
+void genu_workspace_reset(genu_workspace* workspace) {
+  if (!workspace) return;
+  workspace->workspace.reset();
+  workspace->evaluated = false;
+}
+
+void genu_workspace_destroy(genu_workspace* workspace) { delete workspace; }
+
+genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, const double coordinates[6],
+                          const double rates[6], const genu_evaluate_options* options, genu_result* result,
+                          genu_load* compartments, int num_compartments) {
+  return guard([&] {
+    require(pair && workspace && coordinates && result,
+            "evaluate: pair, workspace, coordinates and result must not be NULL");
+    require(workspace->pair == pair->pair, "evaluate: the workspace belongs to another pair");
+    requireFinite(coordinates, 6, "evaluate: coordinates");
+    if (rates) requireFinite(rates, 6, "evaluate: rates");
+    const int expected = pair->pair->numCompartments();
+    if (compartments && num_compartments != expected) {
+      throw std::invalid_argument("evaluate: num_compartments = " + std::to_string(num_compartments) + " must be " +
+                                  std::to_string(expected));
+    }
+    genu_result made = readStruct(result, "genu_result");
+    gc::ContactPair::Options o;
+    if (options) {
+      const genu_evaluate_options given = readStruct(options, "genu_evaluate_options");
+      o.withEnergy = given.with_energy != 0;
+      o.withStiffness = given.with_stiffness != 0;
+      o.copyOnlySamePose = given.copy_only_same_pose != 0;
+    }
+    const gc::JointCoordinates q = toCoordinates(coordinates);
+    gc::ContactResult& r = workspace->result;
+    pair->pair->evaluate(q, workspace->workspace, o, r);
+    workspace->evaluated = true;
+    copyLoad(r.total, made.total);
+    made.power = !rates ? 0
+                        : gc::ContactPair::calcPower(r.total, gc::calcSpatialVelocity(q, toCoordinates(rates)),
+                                                     gc::Vec3(q[3], q[4], q[5]));
+    for (int row = 0; row < 6; ++row) {
+      for (int column = 0; column < 6; ++column) {
+        made.stiffness[6 * row + column] = o.withStiffness ? r.stiffness(row, column) : 0;
+      }
+    }
+    made.distance_queries = r.distanceQueries;
+    made.copied = r.copied;
+    const size_t size = result->struct_size;
+    std::memcpy(result, &made, std::min(size, sizeof made));
+    result->struct_size = size;
+    for (int k = 0; compartments && k < expected; ++k) copyLoad(r.compartments[static_cast<size_t>(k)], compartments[k]);
+    return toStatus(r.status);
+  });
+}
+
+genu_status genu_pair_fields(const genu_pair* pair, const genu_workspace* workspace, int compartment,
+                             genu_element* elements, size_t capacity, size_t* count) {
+  return guard([&] {
+    require(pair && workspace, "fields: pair and workspace must not be NULL");
+    require(workspace->pair == pair->pair, "fields: the workspace belongs to another pair");
+    requireCompartment(pair, compartment);
+    const size_t needed = static_cast<size_t>(genu_pair_num_compartment_elements(pair, compartment));
+    if (elements) {
+      require(workspace->evaluated, "fields: the workspace holds no evaluation");
+      require(capacity >= needed,
+              "fields: capacity = " + std::to_string(capacity) + " must be at least " + std::to_string(needed));
+      const auto fields = pair->pair->calcFields(workspace->workspace);
+      const std::vector<gc::ElementField>& own = fields[static_cast<size_t>(compartment)];
+      if (own.size() != needed) throw std::logic_error("fields: number of elements");
+      for (size_t k = 0; k < needed; ++k) copyElement(own[k], elements[k]);
+    }
+    if (count) *count = needed;
+    return GENU_OK;
+  });
 }
 
 }  // extern "C"

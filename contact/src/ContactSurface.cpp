@@ -6,10 +6,14 @@
 #include <stdexcept>
 
 #include "detail/PatchKernel.h"
+#include "detail/SurfaceSearch.h"
 
 namespace genu::contact {
 
 namespace {
+
+using detail::Domain;
+using detail::PatchInfo;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMaxIterations = 60;
@@ -41,9 +45,10 @@ bool meets(const Eigen::AlignedBox3d& box, const Vec3& o, const Vec3& d, double 
   return true;
 }
 
-/** Bezier control points of the sub-rectangle [s0, s1] x [t0, t1] (scaled span parameters) of a power-basis span; they
- contain the surface piece (convex hull property, weights > 0). */
-Eigen::AlignedBox3d calcHullBox(const double* c, int pu, int pv, double s0, double s1, double t0, double t1) {
+/** Calls visit(P) for the Bezier control points of the sub-rectangle [s0, s1] x [t0, t1] (scaled span parameters) of a
+ power-basis span; their hull contains the surface piece (weights > 0). */
+template <class Visit>
+void visitHull(const double* c, int pu, int pv, double s0, double s1, double t0, double t1, const Visit& visit) {
   using Homogeneous = Eigen::Vector4d;
   Homogeneous work[6][6];
   const auto at = [&](int a, int b) {
@@ -71,39 +76,19 @@ Eigen::AlignedBox3d calcHullBox(const double* c, int pu, int pv, double s0, doub
     for (int b = 0; b <= pv; ++b) work[a][b] = at(a, b);
     toBernstein(work[a], pv, t0, t1);
   }
-  Eigen::AlignedBox3d box;
   for (int b = 0; b <= pv; ++b) {
     Homogeneous column[6];
     for (int a = 0; a <= pu; ++a) column[a] = work[a][b];
     toBernstein(column, pu, s0, s1);
-    for (int a = 0; a <= pu; ++a) box.extend(Vec3(column[a].head<3>() / column[a][3]));
+    for (int a = 0; a <= pu; ++a) visit(Vec3(column[a].head<3>() / column[a][3]));
   }
-  return box;
 }
 
-/** Parameters, kept inside the domain; a closed direction wraps. */
-struct Domain {
-  double lo, hi;
-  bool closed;
-  double clampLo, clampHi;  // a hair inside a pole
-
-  double fit(double t) const {
-    if (closed) {
-      if (t < lo || t > hi) {
-        const double period = hi - lo;
-        t -= period * std::floor((t - lo) / period);
-      }
-      return std::min(std::max(t, lo), hi);
-    }
-    return std::min(std::max(t, clampLo), clampHi);
-  }
-};
-
-struct PatchInfo {
-  Domain u, v;
-  bool poleU0 = false, poleU1 = false, poleV0 = false, poleV1 = false;  // edges that shrink to a point
-  double size = 0;
-};
+Eigen::AlignedBox3d calcHullBox(const double* c, int pu, int pv, double s0, double s1, double t0, double t1) {
+  Eigen::AlignedBox3d box;
+  visitHull(c, pu, pv, s0, s1, t0, t1, [&](const Vec3& p) { box.extend(p); });
+  return box;
+}
 
 bool edgeShrinks(const NurbsPatch& patch, bool fixU, double value, double size) {
   Vec3 first = Vec3::Zero();
@@ -326,50 +311,263 @@ bool isBetter(const ClosestPoint& a, const ClosestPoint& b) {
 
 }  // namespace
 
-struct ContactSurface::Search {
-  struct Leaf {
-    int patch;
-    double u0, u1, v0, v1;
-    Vec3 center;
-    double radius;  // half diagonal of the piece's box
-  };
-  struct Node {
-    Eigen::AlignedBox3d box;
-    int left = -1, right = -1;  // children, or
-    int leaf = -1;
-  };
-  std::vector<PatchInfo> info;
-  std::vector<Leaf> leaves;
-  std::vector<Node> nodes;
-
-  int build(std::vector<int>& items, int begin, int end, const std::vector<Eigen::AlignedBox3d>& boxes) {
-    const int index = static_cast<int>(nodes.size());
-    nodes.emplace_back();
-    Eigen::AlignedBox3d box, centers;
-    for (int i = begin; i < end; ++i) {
-      const auto& b = boxes[static_cast<size_t>(items[static_cast<size_t>(i)])];
-      box.extend(b);
-      centers.extend(b.center());
-    }
-    nodes[static_cast<size_t>(index)].box = box;
-    if (end - begin == 1) {
-      nodes[static_cast<size_t>(index)].leaf = items[static_cast<size_t>(begin)];
-      return index;
-    }
-    int axis = 0;
-    centers.diagonal().maxCoeff(&axis);
-    const int middle = (begin + end) / 2;
-    std::nth_element(items.begin() + begin, items.begin() + middle, items.begin() + end, [&](int a, int b) {
-      const double ca = boxes[static_cast<size_t>(a)].center()[axis], cb = boxes[static_cast<size_t>(b)].center()[axis];
-      return ca != cb ? ca < cb : a < b;
-    });
-    const int left = build(items, begin, middle, boxes);
-    const int right = build(items, middle, end, boxes);
-    nodes[static_cast<size_t>(index)].left = left;
-    nodes[static_cast<size_t>(index)].right = right;
+int ContactSurface::Search::build(std::vector<int>& items, int begin, int end, const std::vector<Eigen::AlignedBox3d>& boxes) {
+  const int index = static_cast<int>(nodes.size());
+  nodes.emplace_back();
+  Eigen::AlignedBox3d box, centers;
+  for (int i = begin; i < end; ++i) {
+    const auto& b = boxes[static_cast<size_t>(items[static_cast<size_t>(i)])];
+    box.extend(b);
+    centers.extend(b.center());
+  }
+  nodes[static_cast<size_t>(index)].box = box;
+  if (end - begin == 1) {
+    nodes[static_cast<size_t>(index)].leaf = items[static_cast<size_t>(begin)];
     return index;
   }
-};
+  int axis = 0;
+  centers.diagonal().maxCoeff(&axis);
+  const int middle = (begin + end) / 2;
+  std::nth_element(items.begin() + begin, items.begin() + middle, items.begin() + end, [&](int a, int b) {
+    const double ca = boxes[static_cast<size_t>(a)].center()[axis], cb = boxes[static_cast<size_t>(b)].center()[axis];
+    return ca != cb ? ca < cb : a < b;
+  });
+  const int left = build(items, begin, middle, boxes);
+  const int right = build(items, middle, end, boxes);
+  nodes[static_cast<size_t>(index)].left = left;
+  nodes[static_cast<size_t>(index)].right = right;
+  return index;
+}
+
+void ContactSurface::Search::addTables(const NurbsPatch& patch) {
+  const PatchInfo& patchInfo = info.back();
+  detail::PatchTables t;
+  const auto setDirection = [&](detail::PatchTables::Direction& d, bool alongU) {
+    const std::vector<double>& breaks = alongU ? patch.breaksU() : patch.breaksV();
+    d.breaks = breaks.data();
+    d.numSpans = static_cast<int>(breaks.size()) - 1;
+    d.lo = breaks.front();
+    d.hi = breaks.back();
+    d.closed = alongU ? patch.isClosedU() : patch.isClosedV();
+    d.degree = alongU ? patch.data().degreeU : patch.data().degreeV;
+    std::vector<double> spans;
+    for (int i = 0; i < d.numSpans; ++i) {
+      const NurbsPatch::Span& span = alongU ? patch.spanU(i) : patch.spanV(i);
+      spans.insert(spans.end(), {span.center, span.invHalfWidth, 1 / span.invHalfWidth});
+    }
+    d.numBuckets = std::min(4096, 4 * d.numSpans);
+    d.bucketScale = d.numBuckets / (d.hi - d.lo);
+    std::vector<unsigned short> buckets;
+    for (int k = 0; k < d.numBuckets; ++k) {
+      // One rounding low: the search only walks up.
+      const double x = d.lo + (k - 1e-9) / d.bucketScale;
+      const int span = alongU ? patch.findSpanU(x) : patch.findSpanV(x);
+      buckets.push_back(static_cast<unsigned short>(std::min(span, 65535)));
+    }
+    spanStorage.push_back(std::move(spans));
+    bucketStorage.push_back(std::move(buckets));
+    d.spans = spanStorage.back().data();
+    d.buckets = bucketStorage.back().data();
+  };
+  setDirection(t.u, true);
+  setDirection(t.v, false);
+  t.coefficients = patch.spanCoefficients(0, 0);
+  t.normalSign = patch.normalSign();
+  t.tolerance_m = std::max(kDefaultTolerance_m, 8e-16 * patchInfo.size);
+  t.rational = patch.data().isRational();
+  t.bend_perM = t.twist_perM2 = 0;
+  if (patchInfo.poleU0 || patchInfo.poleU1 || patchInfo.poleV0 || patchInfo.poleV1) t.bend_perM = t.twist_perM2 = kInfinity;
+  // Third derivatives from differences of the second over a thousandth of a span, sampled; 1.5 covers what lies between.
+  SurfaceDerivatives d, du, dv;
+  for (int i = 0; i < t.u.numSpans; ++i) {
+    for (int j = 0; j < t.v.numSpans; ++j) {
+      const double hu = 1 / patch.spanU(i).invHalfWidth, hv = 1 / patch.spanV(j).invHalfWidth;
+      for (int k = 0; k < 9; ++k) {
+        const double u = patch.spanU(i).center + 0.99 * (k / 3 - 1) * hu, v = patch.spanV(j).center + 0.99 * (k % 3 - 1) * hv;
+        detail::evaluatePatch(patch, u, v, d);
+        detail::evaluatePatch(patch, u + 1e-3 * hu, v, du);
+        detail::evaluatePatch(patch, u, v + 1e-3 * hv, dv);
+        const double lu = d.Su.norm(), lv = d.Sv.norm();
+        if (!(lu > 0) || !(lv > 0)) continue;
+        const auto bend = [&](const SurfaceDerivatives& e) {
+          return std::max({e.Suu.norm() / (lu * lu), e.Suv.norm() / (lu * lv), e.Svv.norm() / (lv * lv)});
+        };
+        SurfaceDerivatives cu, cv;
+        cu.Suu = du.Suu - d.Suu;
+        cu.Suv = du.Suv - d.Suv;
+        cu.Svv = du.Svv - d.Svv;
+        cv.Suu = dv.Suu - d.Suu;
+        cv.Suv = dv.Suv - d.Suv;
+        cv.Svv = dv.Svv - d.Svv;
+        t.bend_perM = std::max(t.bend_perM, 1.5 * bend(d));
+        t.twist_perM2 = std::max({t.twist_perM2, 1.5 * bend(cu) / (1e-3 * hu * lu), 1.5 * bend(cv) / (1e-3 * hv * lv)});
+      }
+    }
+  }
+  tables.push_back(t);
+}
+
+namespace {
+
+/** Parameters of a point at fraction f of an edge (numbered as in EdgeLink). */
+Vec2 onEdge(const NurbsPatch& p, int edge, double f) {
+  const double u = p.uMin() + f * (p.uMax() - p.uMin()), v = p.vMin() + f * (p.vMax() - p.vMin());
+  return edge == 0 ? Vec2(p.uMin(), v) : edge == 1 ? Vec2(p.uMax(), v) : edge == 2 ? Vec2(u, p.vMin()) : Vec2(u, p.vMax());
+}
+
+}  // namespace
+
+void ContactSurface::Search::linkEdges(const std::vector<NurbsPatch>& patches, double size) {
+  constexpr int kSamples = 9;
+  using Edge = std::array<Vec3, kSamples>;
+  std::vector<Edge> edges;
+  for (const NurbsPatch& p : patches) {
+    for (int e = 0; e < 4; ++e) {
+      Edge points;
+      for (int k = 0; k < kSamples; ++k) {
+        const Vec2 at = onEdge(p, e, k / (kSamples - 1.0));
+        points[static_cast<size_t>(k)] = p.calcPoint(at.x(), at.y());
+      }
+      edges.push_back(points);
+    }
+  }
+  links.resize(patches.size());
+  const auto differ = [&](const Edge& a, const Edge& b, bool reversed) {
+    double worst = 0;
+    for (size_t k = 0; k < kSamples; ++k) worst = std::max(worst, (a[k] - b[reversed ? kSamples - 1 - k : k]).norm());
+    return worst > 1e-7 * size;
+  };
+  for (size_t a = 0; a < edges.size(); ++a) {
+    if ((edges[a][0] - edges[a][kSamples / 2]).norm() <= 1e-7 * size) continue;  // a pole
+    for (size_t b = 0; b < edges.size(); ++b) {
+      if (b / 4 == a / 4) continue;
+      for (const bool reversed : {false, true}) {
+        if (differ(edges[a], edges[b], reversed)) continue;
+        links[a / 4][a % 4] = {static_cast<int>(b / 4), static_cast<int>(b % 4), reversed};
+      }
+    }
+  }
+}
+
+void ContactSurface::Search::fillCells(const std::vector<NurbsPatch>& patches, const Eigen::AlignedBox3d& box) {
+  const size_t stride = leaves.size() / 8192 + 1;
+  for (size_t i = 0; i < leaves.size(); i += stride) {
+    const Leaf& leaf = leaves[i];
+    detail::Seed seed;
+    const double u = 0.5 * (leaf.u0 + leaf.u1), v = 0.5 * (leaf.v0 + leaf.v1);
+    const SurfaceDerivatives d = patches[static_cast<size_t>(leaf.patch)].evaluate(u, v);
+    const double a = d.Su.squaredNorm(), b = d.Su.dot(d.Sv), c = d.Sv.squaredNorm(), det = a * c - b * b;
+    if (!(det > 1e-6 * a * c)) continue;
+    const Vec3 du = (c * d.Su - b * d.Sv) / det, dv = (a * d.Sv - b * d.Su) / det;
+    for (int k = 0; k < 3; ++k) {
+      seed.S[k] = static_cast<float>(d.S[k]);
+      seed.du[k] = static_cast<float>(du[k]);
+      seed.dv[k] = static_cast<float>(dv[k]);
+    }
+    seed.u = static_cast<float>(u);
+    seed.v = static_cast<float>(v);
+    seed.patch = leaf.patch;
+    seeds.push_back(seed);
+  }
+  // A margin of four cells; points farther away go to the hierarchy of boxes.
+  constexpr int kMargin = 4, kAcross = 28;
+  const double cell = std::max(box.sizes().maxCoeff(), 1e-9) / kAcross;
+  invCell = 1 / cell;
+  cellOrigin = box.min().array() - kMargin * cell;
+  for (int k = 0; k < 3; ++k) numCells[k] = static_cast<int>(std::ceil(box.sizes()[k] / cell)) + 2 * kMargin;
+  cells.assign(static_cast<size_t>(numCells[0]) * static_cast<size_t>(numCells[1]) * static_cast<size_t>(numCells[2]), -1);
+  const auto index = [&](int x, int y, int z) { return static_cast<size_t>((x * numCells[1] + y) * numCells[2] + z); };
+  const auto distance = [&](int s, int x, int y, int z) {
+    const detail::Seed& seed = seeds[static_cast<size_t>(s)];
+    return (cellOrigin + cell * Vec3(x + 0.5, y + 0.5, z + 0.5) - Vec3(seed.S[0], seed.S[1], seed.S[2])).squaredNorm();
+  };
+  for (size_t s = 0; s < seeds.size(); ++s) {
+    int at[3];
+    for (int k = 0; k < 3; ++k) {
+      at[k] = std::min(std::max(static_cast<int>((static_cast<double>(seeds[s].S[k]) - cellOrigin[k]) * invCell), 0), numCells[k] - 1);
+    }
+    std::int16_t& here = cells[index(at[0], at[1], at[2])];
+    if (here < 0 || distance(static_cast<int>(s), at[0], at[1], at[2]) < distance(here, at[0], at[1], at[2])) {
+      here = static_cast<std::int16_t>(s);
+    }
+  }
+  // Nearest seeds spread from cell to cell, one layer a round.
+  for (int round = 0; round < kMargin; ++round) {
+    const std::vector<std::int16_t> old = cells;
+    for (int x = 0; x < numCells[0]; ++x) {
+      for (int y = 0; y < numCells[1]; ++y) {
+        for (int z = 0; z < numCells[2]; ++z) {
+          int best = old[index(x, y, z)];
+          double nearest = best < 0 ? kInfinity : distance(best, x, y, z);
+          for (int n = 0; n < 27; ++n) {
+            const int a = x + n / 9 - 1, b = y + n / 3 % 3 - 1, c = z + n % 3 - 1;
+            if (a < 0 || b < 0 || c < 0 || a >= numCells[0] || b >= numCells[1] || c >= numCells[2]) continue;
+            const int s = old[index(a, b, c)];
+            if (s < 0 || s == best) continue;
+            const double r = distance(s, x, y, z);
+            if (r < nearest) {
+              nearest = r;
+              best = s;
+            }
+          }
+          cells[index(x, y, z)] = static_cast<std::int16_t>(best);
+        }
+      }
+    }
+  }
+}
+
+SurfaceParameter ContactSurface::Search::findSeed(const double* Q) const {
+  int at[3];
+  for (int k = 0; k < 3; ++k) {
+    const double x = (Q[k] - cellOrigin[k]) * invCell;
+    if (!(x >= 0 && x < numCells[k])) return {};
+    at[k] = static_cast<int>(x);
+  }
+  const int s = cells[static_cast<size_t>((at[0] * numCells[1] + at[1]) * numCells[2] + at[2])];
+  if (s < 0) return {};
+  const detail::Seed& seed = seeds[static_cast<size_t>(s)];
+  const float x = static_cast<float>(Q[0]) - seed.S[0], y = static_cast<float>(Q[1]) - seed.S[1],
+              z = static_cast<float>(Q[2]) - seed.S[2];
+  const detail::PatchTables& t = tables[static_cast<size_t>(seed.patch)];
+  const auto clamp = [](double value, const detail::PatchTables::Direction& d) {
+    return d.closed ? value : std::min(std::max(value, d.lo), d.hi);
+  };
+  return {seed.patch, clamp(static_cast<double>(seed.u + seed.du[0] * x + seed.du[1] * y + seed.du[2] * z), t.u),
+          clamp(static_cast<double>(seed.v + seed.dv[0] * x + seed.dv[1] * y + seed.dv[2] * z), t.v)};
+}
+
+bool ContactSurface::Search::solveFast(const double* Q, SurfaceParameter& at, bool derivatives, detail::TrackedFoot& foot,
+                                       double& residual_m, int& iterations) const {
+  const detail::SolveFoot solve = detail::activeSolveFoot();
+  detail::FootSearch search{at.u, at.v, 0, 0};
+  constexpr int kHops = 4;
+  for (int hop = 0; hop <= kHops; ++hop) {
+    const detail::PatchTables& t = tables[static_cast<size_t>(at.patch)];
+    const detail::FootOutcome outcome = solve(t, Q, search, derivatives, foot);
+    iterations += search.iterations;
+    if (outcome == detail::FootOutcome::found) {
+      at.u = search.u;
+      at.v = search.v;
+      residual_m = search.residual_m;
+      return true;
+    }
+    if (outcome == detail::FootOutcome::failed) return false;
+    // Beyond an edge: go on where the neighbour begins.
+    const bool outU = !t.u.closed && (search.u < t.u.lo || search.u > t.u.hi);
+    const int edge = outU ? (search.u < t.u.lo ? 0 : 1) : (search.v < t.v.lo ? 2 : 3);
+    const detail::EdgeLink& link = links[static_cast<size_t>(at.patch)][static_cast<size_t>(edge)];
+    if (link.patch < 0) return false;
+    const detail::PatchTables::Direction& along = outU ? t.v : t.u;
+    double f = std::min(std::max(((outU ? search.v : search.u) - along.lo) / (along.hi - along.lo), 0.0), 1.0);
+    if (link.reversed) f = 1 - f;
+    const detail::PatchTables& other = tables[static_cast<size_t>(link.patch)];
+    at.patch = link.patch;
+    search.u = link.edge == 0 ? other.u.lo : link.edge == 1 ? other.u.hi : other.u.lo + f * (other.u.hi - other.u.lo);
+    search.v = link.edge == 2 ? other.v.lo : link.edge == 3 ? other.v.hi : other.v.lo + f * (other.v.hi - other.v.lo);
+  }
+  return false;
+}
 
 ContactSurface::ContactSurface(std::vector<NurbsPatch> patches) : patches_(std::move(patches)), search_(std::make_unique<Search>()) {
   if (patches_.empty()) throw std::invalid_argument("contact surface: has no patch; at least one is needed");
@@ -381,6 +579,7 @@ ContactSurface::ContactSurface(std::vector<NurbsPatch> patches) : patches_(std::
   for (int k = 0; k < numPatches(); ++k) {
     const NurbsPatch& p = patch(k);
     search_->info.push_back(makeInfo(p));
+    search_->addTables(p);
     const int pu = p.data().degreeU, pv = p.data().degreeV;
     for (int i = 0; i < p.numSpansU(); ++i) {
       for (int j = 0; j < p.numSpansV(); ++j) {
@@ -433,28 +632,53 @@ ContactSurface::ContactSurface(std::vector<NurbsPatch> patches) : patches_(std::
   }
   safeInside_m_ = 0.5 * inside;
   safeOutside_m_ = 0.5 * outside;
+  search_->safeInside = safeInside_m_;
+  search_->safeOutside = safeOutside_m_;
+  search_->linkEdges(patches_, size);
+  search_->fillCells(patches_, box_);
 }
 
 ContactSurface::~ContactSurface() = default;
 ContactSurface::ContactSurface(ContactSurface&&) noexcept = default;
 ContactSurface& ContactSurface::operator=(ContactSurface&&) noexcept = default;
 
+namespace {
+
+ClosestPoint makeClosestPoint(const SurfaceParameter& at, const detail::TrackedFoot& foot, double residual_m, int iterations) {
+  ClosestPoint result;
+  result.at = at;
+  result.p_MB = Eigen::Map<const Vec3>(foot.p_MB);
+  result.normal_M = Eigen::Map<const Vec3>(foot.normal);
+  result.distance_m = foot.distance_m;
+  result.residual_m = residual_m;
+  result.status = QueryStatus::converged;
+  result.iterations = iterations;
+  return result;
+}
+
+}  // namespace
+
 ClosestPoint ContactSurface::findLocalClosestPoint(const Vec3& Q, const SurfaceParameter& seed) const {
   return solveLocal(patch(seed.patch), search_->info[static_cast<size_t>(seed.patch)], seed.patch, Q, seed.u, seed.v);
 }
 
 ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParameter* seed) const {
+  // The fast solver's foot counts where the foot is provably unique; everything else is left to the careful search.
+  double residual = 0;
+  int iterations = 0;
+  detail::TrackedFoot foot;
+  const bool warm = seed != nullptr && seed->patch >= 0;
+  SurfaceParameter at = warm ? *seed : search_->findSeed(Q.data());
+  if (at.patch >= 0 && search_->solveFast(Q.data(), at, false, foot, residual, iterations) && search_->isSafe(foot.distance_m)) {
+    return makeClosestPoint(at, foot, residual, iterations);
+  }
   ClosestPoint best;
   best.distance_m = kInfinity;
   if (!Q.allFinite()) return best;  // notConverged
-  int iterations = 0;
-  if (seed != nullptr && seed->patch >= 0) {
+  if (warm) {
     best = findLocalClosestPoint(Q, *seed);
-    if (best.status == QueryStatus::converged &&
-        (best.distance_m < 0 ? -best.distance_m < safeInside_m_ : best.distance_m < safeOutside_m_)) {
-      return best;
-    }
-    iterations = best.iterations;
+    if (best.status == QueryStatus::converged && search_->isSafe(best.distance_m)) return best;
+    iterations += best.iterations;
     if (best.status == QueryStatus::notConverged) best.distance_m = kInfinity;
   }
 
@@ -505,6 +729,87 @@ ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParame
   }
   best.iterations = iterations;
   return best;
+}
+
+CertifiedClosestPoint ContactSurface::findClosestPointCertified(const Vec3& Q, double gap_m) const {
+  CertifiedClosestPoint result;
+  result.foot.distance_m = kInfinity;
+  if (!Q.allFinite()) return result;
+  // A node of the box hierarchy, or (node < 0) a rectangle of one span.
+  struct Piece {
+    double bound;
+    int node, patch, i, j;
+    double s0, s1, t0, t1;
+  };
+  const auto later = [](const Piece& a, const Piece& b) { return a.bound > b.bound; };
+  std::vector<Piece> heap;
+  const auto push = [&](const Piece& piece) {
+    if (piece.bound >= std::abs(result.foot.distance_m) - gap_m) return;
+    heap.push_back(piece);
+    std::push_heap(heap.begin(), heap.end(), later);
+  };
+  const auto tryFrom = [&](int patchIndex, double u, double v) {
+    const ClosestPoint found =
+        solveLocal(patch(patchIndex), search_->info[static_cast<size_t>(patchIndex)], patchIndex, Q, u, v);
+    if (found.status != QueryStatus::notConverged && isBetter(found, result.foot)) result.foot = found;
+  };
+  push({std::sqrt(squaredDistance(search_->nodes[0].box, Q)), 0, 0, 0, 0, 0, 0, 0, 0});
+  constexpr int kMaxPieces = 200000;
+  for (int count = 0; !heap.empty(); ++count) {
+    std::pop_heap(heap.begin(), heap.end(), later);
+    const Piece piece = heap.back();
+    heap.pop_back();
+    const double wanted = std::abs(result.foot.distance_m) - gap_m;
+    if (piece.bound >= wanted || count == kMaxPieces) {
+      // Best first: everything left is at least this far; what was dropped was beyond the wanted bound of its time.
+      result.lowerBound_m = std::max(0.0, std::min(piece.bound, wanted));
+      result.certified = piece.bound >= wanted;
+      return result;
+    }
+    if (piece.node >= 0) {
+      const Search::Node& node = search_->nodes[static_cast<size_t>(piece.node)];
+      if (node.leaf < 0) {
+        for (const int child : {node.left, node.right}) {
+          push({std::sqrt(squaredDistance(search_->nodes[static_cast<size_t>(child)].box, Q)), child, 0, 0, 0, 0, 0, 0, 0});
+        }
+        continue;
+      }
+      const Search::Leaf& leaf = search_->leaves[static_cast<size_t>(node.leaf)];
+      const NurbsPatch& p = patch(leaf.patch);
+      const double u = 0.5 * (leaf.u0 + leaf.u1), v = 0.5 * (leaf.v0 + leaf.v1);
+      tryFrom(leaf.patch, u, v);
+      const int i = p.findSpanU(u), j = p.findSpanV(v);
+      const auto s = [&](double x) { return (x - p.spanU(i).center) * p.spanU(i).invHalfWidth; };
+      const auto t = [&](double x) { return (x - p.spanV(j).center) * p.spanV(j).invHalfWidth; };
+      push({piece.bound, -1, leaf.patch, i, j, s(leaf.u0), s(leaf.u1), t(leaf.v0), t(leaf.v1)});
+      continue;
+    }
+    const NurbsPatch& p = patch(piece.patch);
+    const double* c = p.spanCoefficients(piece.i, piece.j);
+    const double sm = 0.5 * (piece.s0 + piece.s1), tm = 0.5 * (piece.t0 + piece.t1);
+    for (int k = 0; k < 4; ++k) {
+      Piece child = piece;
+      (k % 2 ? child.s0 : child.s1) = sm;
+      (k / 2 ? child.t0 : child.t1) = tm;
+      // Two bounds: distance to the hull's box, and the hull's extent along the line of sight to the piece's middle.
+      // The second errs by the square of the piece's size only, so that few pieces remain around the foot.
+      const Vec3 middle = p.calcPoint(p.spanU(piece.i).center + 0.5 * (child.s0 + child.s1) / p.spanU(piece.i).invHalfWidth,
+                                      p.spanV(piece.j).center + 0.5 * (child.t0 + child.t1) / p.spanV(piece.j).invHalfWidth);
+      const Vec3 sight = (middle - Q).normalized();
+      Eigen::AlignedBox3d box;
+      double along = kInfinity;
+      visitHull(c, p.data().degreeU, p.data().degreeV, child.s0, child.s1, child.t0, child.t1, [&](const Vec3& P) {
+        box.extend(P);
+        along = std::min(along, (P - Q).dot(sight));
+      });
+      child.bound = std::max({piece.bound, std::sqrt(squaredDistance(box, Q)), along});
+      push(child);
+    }
+  }
+  // Every piece was shown to be no nearer than the foot known at that time, less the gap.
+  result.lowerBound_m = std::max(0.0, std::abs(result.foot.distance_m) - gap_m);
+  result.certified = true;
+  return result;
 }
 
 void ContactSurface::findLineHits(const Vec3& origin, const Vec3& direction, double tMin, double tMax,

@@ -496,7 +496,7 @@ class SceneReader {
   }
 
   void readContact(const YamlNode& node, size_t index) {
-    node.requireKeys({"fixed", "moving", "material", "strain", "distance", "correction", "tracking", "copy_tolerance",
+    node.requireKeys({"fixed", "moving", "material", "strain", "distance", "correction", "rule", "tracking", "copy_tolerance",
                       "element_plane", "compartments"});
     ContactSpec& spec = scene_.contacts[index];
     contact::ContactPairDefinition& definition = spec.definition;
@@ -543,6 +543,9 @@ class SceneReader {
     if (const auto correction = node.find("correction")) {
       definition.correction = correction->getChoice({"midsurface", "none"}) == 0 ? contact::Correction::midsurface
                                                                                  : contact::Correction::none;
+    }
+    if (const auto rule = node.find("rule")) {
+      definition.rule = rule->getChoice({"smooth", "centre"}) == 0 ? contact::ContactRule::smooth : contact::ContactRule::centre;
     }
     if (const auto tracking = node.find("tracking")) {
       constexpr std::array<contact::Tracking, 4> all = {contact::Tracking::all, contact::Tracking::lipschitz,

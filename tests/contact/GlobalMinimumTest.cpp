@@ -96,6 +96,33 @@ TEST_P(GlobalMinimum, ColdStartFindsTheGlobalMinimum) {
   EXPECT_LE(failures, count / 10000);
 }
 
+TEST_P(GlobalMinimum, TheCertifiedSearchAgreesWithTheFastOne) {
+  const ContactSurface surface = makeSurface(GetParam());
+  std::mt19937 random(17);
+  std::uniform_real_distribution<double> u(0, 1), v(-1, 1), depth(-0.010, 0.020);
+  const double gap = 1e-10;
+  int uncertified = 0, wrong = 0;
+  const int count = 2000;
+  for (int i = 0; i < count; ++i) {
+    const double uu = u(random), vv = v(random), t = depth(random);
+    const Vec3 Q = surface.patch(0).calcPoint(uu, vv) + t * surface.patch(0).calcNormal(uu, vv);
+    const auto proof = surface.findClosestPointCertified(Q, gap);
+    // Q was moved by |t| from the surface: no lower bound may exceed that.
+    ASSERT_LE(proof.lowerBound_m, std::abs(t) + 1e-15);
+    ASSERT_LE(proof.lowerBound_m, std::abs(proof.foot.distance_m));
+    uncertified += !proof.certified;
+    if (!proof.certified) continue;
+    ASSERT_GE(proof.lowerBound_m, std::abs(proof.foot.distance_m) - 1.01 * gap);
+    const double fast = std::abs(surface.findClosestPoint(Q).distance_m);
+    ASSERT_GE(fast, proof.lowerBound_m - 1e-15);
+    wrong += fast > proof.lowerBound_m + 1.01 * gap;
+  }
+  RecordProperty("uncertified", uncertified);
+  std::printf("certified search: %d of %d without a proof, %d times the fast one was farther\n", uncertified, count, wrong);
+  EXPECT_EQ(wrong, 0);
+  EXPECT_LE(uncertified, count / 100);  // only where feet tie
+}
+
 INSTANTIATE_TEST_SUITE_P(PolynomialAndRational, GlobalMinimum, testing::Bool());
 
 }  // namespace

@@ -73,6 +73,7 @@ TEST(SceneFile, SmallestScene) {
   EXPECT_EQ(compartment.nz, 20);
   EXPECT_EQ(definition.strain, contact::StrainMeasure::small);
   EXPECT_EQ(definition.correction, contact::Correction::midsurface);
+  EXPECT_EQ(definition.rule, contact::ContactRule::smooth);
   EXPECT_EQ(definition.tracking, contact::Tracking::lipschitz);
   EXPECT_EQ(definition.copyTolerance, 0);
   EXPECT_FALSE(definition.planeY_m.has_value());
@@ -170,6 +171,8 @@ TEST(SceneFile, ContactOptions) {
                 .contacts[0]
                 .definition.copyTolerance,
             -1);
+  EXPECT_EQ(parse(replaced(kSphere, "material: insert", "material: insert\n    rule: centre")).contacts[0].definition.rule,
+            contact::ContactRule::centre);
 }
 
 TEST(SceneFile, BackSurface) {

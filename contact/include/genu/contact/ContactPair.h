@@ -47,6 +47,11 @@ struct CompartmentDefinition {
 };
 
 enum class DistanceMethod { minimum };
+/** How an element's share of the load is found (docs/theory.md, "Smooth rim"). */
+enum class ContactRule {
+  smooth,  ///< the pressure is integrated over the part of each cell where the surfaces overlap: net load C1 in the pose
+  centre,  ///< whole cells, in contact or not by their centre [BF2004 §2.3]: the load jumps as cells switch
+};
 enum class Correction {
   midsurface,  ///< d = AB / cos(theta/2), force along the bisector [BF2004 Fig. 3]
   none,        ///< d = AB, force along AB: conservative
@@ -68,6 +73,7 @@ struct ContactPairDefinition {
   StrainMeasure strain = StrainMeasure::small;
   DistanceMethod distance = DistanceMethod::minimum;
   Correction correction = Correction::midsurface;
+  ContactRule rule = ContactRule::smooth;
   Tracking tracking = Tracking::lipschitz;
   /** A stored result is copied when no coordinate changed by more than this (rad and m); 0: only the same pose.
    Negative: never copy. */
@@ -92,14 +98,14 @@ struct NetLoad {
   Vec3 forceOnM_F = Vec3::Zero();       ///< [N]
   Vec3 momentOnM_Fo_F = Vec3::Zero();   ///< about Fo [N m]
   double scalarForce_N = 0;             ///< sum of p dA
-  double peakPressure_Pa = 0;
-  Vec3 peakPoint_F = Vec3::Zero();      ///< element centre of the peak [m]
+  double peakPressure_Pa = 0;           ///< largest point value (smooth rule: of the field between the centres too)
+  Vec3 peakPoint_F = Vec3::Zero();      ///< where [m]
   double meanPressure_Pa = 0;           ///< sum(p dA) / sum(dA) over active elements
   double area_m2 = 0;
   Vec3 centerOfPressure_F = Vec3::Zero();  ///< sum(p dA A) / sum(p dA); zero without contact
   double energy_J = 0;                  ///< elastic energy; only with withEnergy
   double maxStrain = 0;                 ///< largest d/h
-  int activeElements = 0;
+  int activeElements = 0;               ///< cells with any part in contact
   int extrapolatedElements = 0;
   int fullPenetrationElements = 0;
   int notConvergedQueries = 0;
@@ -114,6 +120,10 @@ struct ContactResult {
   EvaluationStatus status = EvaluationStatus::ok;
   std::vector<NetLoad> compartments;  ///< in the order of the definition
   NetLoad total;
+  /** d(forceOnM_F, momentOnM_Fo_F)/dq of the total, only with withStiffness: the exact derivative of the smooth rule. Rows:
+   force [N], moment [N m]; columns: the six coordinates [rad, m]. Not symmetric in general (moment about a fixed point,
+   bisecting force direction). */
+  Matrix6 stiffness = Matrix6::Zero();
   int distanceQueries = 0;  ///< work done by this evaluation
   bool copied = false;      ///< taken from the stored result
 };
@@ -122,11 +132,13 @@ struct ContactResult {
 struct ElementField {
   int ix = 0, iz = 0;
   Vec3 p_FA = Vec3::Zero(), normal_F = Vec3::Zero();
-  double area_m2 = 0;
+  double area_m2 = 0;     ///< of the whole element
+  double contactShare = 0;  ///< of that area, 0 .. 1
+  double force_N = 0;     ///< int p dA over the element
   double distance_m = 0;  ///< signed, uncorrected; lower bound when the element was skipped
   double d_m = 0;         ///< penetration after correction, 0 when inactive
   double h_m = 0;         ///< summed thickness
-  double p_Pa = 0;
+  double p_Pa = 0;        ///< at the element's centre; 0 where only a corner touches
   Vec3 forceDirection_F = Vec3::Zero();
   bool active = false;
   bool footOnBorder = false;  ///< the last foot was on the moving surface's border: no contact whatever the distance
@@ -178,6 +190,7 @@ class ContactWorkspace {
    raw distance AB: closest point B on M's surface from the element centre A on F's surface
    theta: angle between F's outward normal n at A and u, the direction of AB turned into M (u = -outward normal of M)
    d = AB / cos(theta/2), m = (n + u)/|n + u|, force on M: p(d, h) dA m at A, dA = dx dz / n_y
+ The net load is the integral of p m over the overlap by the definition's rule: smooth (default) or centre.
  Infinitely thin, frictionless, valid while the moving surface faces the element (cos theta > 0). */
 class ContactPair {
  public:
@@ -197,10 +210,13 @@ class ContactPair {
 
   struct Options {
     bool withEnergy = false;
+    bool withStiffness = false;  ///< smooth rule only
     /** Copies identical poses only, whatever copyTolerance: where differences between close poses matter. */
     bool copyOnlySamePose = false;
   };
-  /** Net loads at pose q. `result` is filled in place (its vectors keep their memory). */
+  /** Net loads at pose q. `result` is filled in place (its vectors keep their memory).
+   A coordinate that is not finite gives no load and the status notConverged.
+   @throws std::invalid_argument when stiffness is asked of the centre rule (it has none: its load jumps) */
   void evaluate(const JointCoordinates& q, ContactWorkspace& workspace, const Options& options,
                 ContactResult& result) const;
   void evaluate(const Pose& X_FM, ContactWorkspace& workspace, const Options& options, ContactResult& result) const;

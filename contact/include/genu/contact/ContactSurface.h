@@ -1,19 +1,16 @@
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "genu/contact/NurbsPatch.h"
+#include "genu/contact/QueryStatus.h"
 
 namespace genu::contact {
 
-/** How a closest-point query ended. */
-enum class QueryStatus : std::uint8_t {
-  converged,     ///< foot inside the surface: the distance is along the surface normal
-  onBoundary,    ///< foot on the open border: the surface has no material beyond it, there is no contact
-  notConverged,  ///< the residual stayed above the tolerance; the distance is an upper bound
-};
+namespace detail {
+struct SurfaceAccess;
+}
 
 /** Place on a surface: patch index and parameters. */
 struct SurfaceParameter {
@@ -31,6 +28,13 @@ struct ClosestPoint {
   int iterations = 0;
 };
 
+/** A closest point with proof: no point of the surface is nearer than lowerBound_m. */
+struct CertifiedClosestPoint {
+  ClosestPoint foot;
+  double lowerBound_m = 0;   ///< of the unsigned distance
+  bool certified = false;    ///< lowerBound_m >= |foot.distance_m| - gap_m was reached
+};
+
 /** A hit of a straight line. */
 struct LineHit {
   double t_m = 0;  ///< distance along the unit direction, any sign
@@ -38,6 +42,9 @@ struct LineHit {
   Vec3 point = Vec3::Zero();
   Vec3 normal = Vec3::Zero();  ///< unit outward
 };
+
+/** The processor instructions the distance queries run with, chosen at the first query: "avx512", "avx2" or "baseline". */
+const char* activeInstructionSet();
 
 /** One or more patches of one body, in one frame, with the search structures for distance queries.
 
@@ -65,6 +72,12 @@ class ContactSurface {
   /** Newton from the seed only: the local minimum, no global check. */
   ClosestPoint findLocalClosestPoint(const Vec3& p_MQ, const SurfaceParameter& seed) const;
 
+  /** Global minimum with a certificate, by branch and bound: pieces are split until every one is provably no nearer than
+   |distance| - gap_m. The bounds are the convex hulls of Bezier control points, up to rounding (1e-15 of the size). Slow (up to
+   milliseconds; it gives up uncertified on the medial axis, where many feet tie) and it allocates: for checks, not for loops.
+   @param gap_m > 0 */
+  CertifiedClosestPoint findClosestPointCertified(const Vec3& p_MQ, double gap_m = 1e-10) const;
+
   /** All crossings of the line origin + t direction (unit vector), t in [tMin, tMax], sorted by t; tangential grazes
    may be missed. Appends to `hits` after clearing it. */
   void findLineHits(const Vec3& origin, const Vec3& direction, double tMin_m, double tMax_m,
@@ -78,6 +91,7 @@ class ContactSurface {
   Eigen::AlignedBox3d boundingBox() const { return box_; }
 
  private:
+  friend struct detail::SurfaceAccess;
   struct Search;
   std::vector<NurbsPatch> patches_;
   std::unique_ptr<Search> search_;

@@ -19,6 +19,7 @@ namespace genu::contact {
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 inline constexpr double kPi = 3.14159265358979323846;
 

@@ -2,110 +2,288 @@
 #define GENU_CONTACT_H
 
 /* Plain C interface of the contact engine, for any multibody code [BF2004 §2.4]: model and options in; six coordinates
-   and their derivatives in; a force and a torque on each body and the measured quantities out. SI units throughout.
-   Frames and coordinates: genu/contact/Types.h. Every function that can fail returns a genu_status; the reason is in
-   genu_last_error() of the same thread. No exception leaves a function. */
+   and their derivatives in; a force and a torque on each body, stiffness, measured quantities and fields out. SI units
+   throughout (m, N, Pa, rad, s, J). Guide: docs/c_interface.md.
+
+   Frames: F fixed body, M moving body. Coordinates (rx, ry, rz, x, y, z): R_FM = Rx(rx) Ry(ry) Rz(rz), and the position of
+   M's origin from F's origin in F. All vectors of a result are expressed in F; moments are about F's origin.
+
+   Errors: every function that can fail returns a genu_status; the reason is in genu_last_error() of the same thread. Below
+   GENU_BAD_ARGUMENT results are written, from there on no output is touched. No exception leaves a function.
+   State: none but the objects the caller holds (and the text of the last error, per thread).
+   Threads: surfaces and pairs are immutable and may be shared; a workspace belongs to one thread at a time.
+   Lifetime: a pair keeps what it needs of its surfaces, a workspace what it needs of its pair: destroy in any order.
+   Growth: structs that begin with struct_size may get more fields at their end without a new shared-library version. Set it
+   with the _init function; 0 in every field is the default. The other structs change only with the library's SOVERSION. */
+
+#include <stddef.h>
+
+#if defined(__GNUC__)
+#define GENU_API __attribute__((visibility("default")))
+#else
+#define GENU_API
+#endif
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
+/* "0.1.0", of the library in use. */
+GENU_API const char* genu_version(void);
+
+/* ---- Errors ---- */
+
 typedef enum genu_status {
   GENU_OK = 0,
   GENU_EXTRAPOLATED = 1,     /* some element is beyond d/h = 0.95: results are given, with care */
-  GENU_FULL_PENETRATION = 2, /* d >= h somewhere: the result has no meaning */
-  GENU_NOT_CONVERGED = 3,    /* a closest-point query failed */
+  GENU_FULL_PENETRATION = 2, /* d >= h somewhere, or a surface that faces away: the result has no meaning */
+  GENU_NOT_CONVERGED = 3,    /* a closest-point query failed: the result has no meaning */
   GENU_BAD_ARGUMENT = 10,
-  GENU_OUT_OF_MEMORY = 11
+  GENU_OUT_OF_MEMORY = 11,
+  GENU_INTERNAL_ERROR = 12 /* please report it */
 } genu_status;
 
-typedef struct genu_surface genu_surface; /* immutable, may be shared by several pairs and threads */
-typedef struct genu_pair genu_pair;       /* immutable after creation */
+/* Why the last call of this thread that returns a status failed, at most 1023 bytes; "" when it did not. Never NULL; valid
+   until the thread's next such call. */
+GENU_API const char* genu_last_error(void);
+/* "ok", "bad_argument", ... */
+GENU_API const char* genu_status_text(genu_status status);
+/* For libraries built on this one: sets the thread's error text (NULL: none) and returns `status`. */
+GENU_API genu_status genu_set_last_error(genu_status status, const char* text);
+
+/* ---- Surfaces ---- */
+
+typedef struct genu_surface genu_surface;     /* immutable, may be shared by several pairs and threads */
+typedef struct genu_pair genu_pair;           /* immutable */
 typedef struct genu_workspace genu_workspace; /* one per thread */
 
+/* Which side is material; the outward normal points away from it. Fixed surface: below. Moving height field: above. */
 typedef enum genu_solid { GENU_SOLID_BELOW = 0, GENU_SOLID_ABOVE = 1, GENU_SOLID_INSIDE = 2 } genu_solid;
 
-/* Surfaces. `points` are num_u * num_v triples, v running fastest; `weights` may be NULL. */
-genu_status genu_surface_create_nurbs(int degree_u, int degree_v, int num_u, int num_v, const double* knots_u,
-                                      const double* knots_v, const double* points, const double* weights,
-                                      int flip_normal, genu_surface** out);
-genu_status genu_surface_create_plane(double y0, double slope_x, double slope_z, genu_solid solid, double half_extent,
-                                      genu_surface** out);
-genu_status genu_surface_create_sphere(double radius, genu_surface** out);
-genu_status genu_surface_create_dish(double y0, double radius_sagittal, double radius_frontal, genu_solid solid,
-                                     double half_extent, genu_surface** out);
-void genu_surface_destroy(genu_surface* surface);
+/* One untrimmed NURBS patch. Degrees 1 to 5; num_knots_u = num_u + degree_u + 1, likewise v; `points` are num_u * num_v
+   triples [m], v running fastest; `weights` in the same order, > 0, NULL: all 1. The outward normal is S_u x S_v, turned
+   around where flip_normal is not 0. */
+typedef struct genu_nurbs_patch {
+  int degree_u, degree_v;
+  int num_u, num_v;
+  int num_knots_u, num_knots_v;
+  int flip_normal;
+  const double* knots_u;
+  const double* knots_v;
+  const double* points;
+  const double* weights;
+} genu_nurbs_patch;
+
+/* The patches together are the surface; they may overlap. Everything is copied. */
+GENU_API genu_status genu_surface_create_nurbs(const genu_nurbs_patch* patches, int num_patches, genu_surface** out);
+
+/* Simple surfaces, exact, centred at the body's origin. Height fields span |x|, |z| <= half_extent. */
+/* y = y0 + slope_x x + slope_z z */
+GENU_API genu_status genu_surface_create_plane(double y0, double slope_x, double slope_z, genu_solid solid,
+                                               double half_extent, genu_surface** out);
+/* Bottom of a torus about z, lowest point at y0; radii > 0, INFINITY: a trough */
+GENU_API genu_status genu_surface_create_dish(double y0, double radius_sagittal, double radius_frontal, genu_solid solid,
+                                              double half_extent, genu_surface** out);
+/* y = y0 + x^2/(2 radius_x) + z^2/(2 radius_z); either sign, INFINITY allowed */
+GENU_API genu_status genu_surface_create_paraboloid(double y0, double radius_x, double radius_z, genu_solid solid,
+                                                    double half_extent, genu_surface** out);
+GENU_API genu_status genu_surface_create_sphere(double radius, genu_surface** out);
+/* Open tube about z, |z| <= length/2 */
+GENU_API genu_status genu_surface_create_cylinder(double radius, double length, genu_surface** out);
+/* Semi-axes along x, y, z */
+GENU_API genu_status genu_surface_create_ellipsoid(double a, double b, double c, genu_surface** out);
+/* About z: outer radius in the x-y plane, radius of the section, 0 < radius_frontal < radius_sagittal */
+GENU_API genu_status genu_surface_create_torus(double radius_sagittal, double radius_frontal, genu_surface** out);
+/* A copy of `surface` placed elsewhere in its body: `placement` is a pose in the form of the six coordinates. */
+GENU_API genu_status genu_surface_create_placed(const genu_surface* surface, const double placement[6], genu_surface** out);
+/* NULL is allowed, here and in the other _destroy functions. */
+GENU_API void genu_surface_destroy(genu_surface* surface);
+/* 0 for NULL */
+GENU_API int genu_surface_num_patches(const genu_surface* surface);
+
+/* ---- Contact pairs ---- */
 
 typedef enum genu_thickness_kind {
-  GENU_THICKNESS_NONE = 0,
+  GENU_THICKNESS_NONE = 0,         /* rigid */
   GENU_THICKNESS_CONSTANT = 1,     /* value: h [m] */
   GENU_THICKNESS_ABOVE_PLANE = 2,  /* value: y of the plane [m] */
-  GENU_THICKNESS_BACK_CLOSEST = 3, /* back: back surface */
-  GENU_THICKNESS_BACK_NORMAL = 4
+  GENU_THICKNESS_BACK_CLOSEST = 3, /* back: back surface, distance to its nearest point */
+  GENU_THICKNESS_BACK_NORMAL = 4   /* back: back surface, distance along the inward normal */
 } genu_thickness_kind;
 
+/* Elastic layer of one body. */
 typedef struct genu_thickness {
   genu_thickness_kind kind;
   double value;
-  const genu_surface* back;
-  double min, max; /* clamps [m]; 0: none */
+  const genu_surface* back; /* in the body's frame */
+  double min, max;          /* clamps [m]; 0: none */
+  double missing;           /* thickness where the normal misses the back surface [m]; 0: no element there */
+  int map_samples_u, map_samples_v; /* moving body: samples of the thickness map of each patch; 0: 65 */
 } genu_thickness;
 
+/* Laws: docs/theory.md. */
 typedef enum genu_law { GENU_LINEAR = 0, GENU_POWER_LAW = 1, GENU_POWER_LAW_CONSISTENT = 2 } genu_law;
 
 typedef struct genu_material {
   genu_law law;
-  double youngs_modulus, poisson_ratio; /* linear law */
-  double eps0, p0, n;                   /* power laws */
+  double youngs_modulus; /* [Pa], linear law, > 0 */
+  double poisson_ratio;  /* 0 <= nu < 0.5 */
+  double eps0, p0, n;    /* power laws: eps0 > 0, p0 > 0 [Pa], n >= 1 */
 } genu_material;
 
+/* A grid of nx * nz elements over [x0, x1] x [z0, z1] of F [m], projected along +y onto `fixed`. */
 typedef struct genu_compartment {
-  const char* name;
+  const char* name; /* NULL: "compartment K" */
   double x0, x1, z0, z1;
   int nx, nz;
-  const genu_surface* fixed;
-  const genu_surface* moving;
+  const genu_surface* fixed;  /* in F */
+  const genu_surface* moving; /* in M */
 } genu_compartment;
 
+typedef enum genu_strain { GENU_STRAIN_SMALL = 0, GENU_STRAIN_LARGE = 1 } genu_strain;
+typedef enum genu_correction {
+  GENU_CORRECTION_MIDSURFACE = 0, /* d = AB / cos(theta/2), force along the bisector */
+  GENU_CORRECTION_NONE = 1        /* distance and force along the minimum distance: conservative */
+} genu_correction;
+typedef enum genu_rule {
+  GENU_RULE_SMOOTH = 0, /* pressure is integrated over the part of each cell in contact: the load is C1 in the pose */
+  GENU_RULE_CENTRE = 1  /* whole cells, by their centre: the load jumps as cells switch; no stiffness */
+} genu_rule;
+typedef enum genu_tracking {
+  GENU_TRACKING_LIPSCHITZ = 0,              /* exact culling */
+  GENU_TRACKING_ALL = 1,                    /* every element, every time */
+  GENU_TRACKING_BREADTH_FIRST = 2,          /* search from the last contact, then what it did not reach: exact */
+  GENU_TRACKING_BREADTH_FIRST_UNGUARDED = 3 /* the search alone: can miss a new, separate contact region */
+} genu_tracking;
+
 typedef struct genu_pair_options {
+  size_t struct_size; /* sizeof(genu_pair_options) of the caller */
   const genu_compartment* compartments;
   int num_compartments;
-  int use_element_plane; /* 0: the highest crossing wherever it is */
-  double element_plane_y;
-  genu_thickness fixed_thickness, moving_thickness;
+  int use_element_plane;  /* not 0: crossings at or below element_plane_y are not used */
+  double element_plane_y; /* [m] */
+  genu_thickness fixed_thickness, moving_thickness; /* at least one layer */
   genu_material material;
-  int large_strain;
-  int no_correction;     /* 1: distance and force along the minimum distance */
-  int tracking;          /* 0 exact culling (default), 1 all elements, 2 breadth-first */
-  double copy_tolerance; /* 0: only the same pose; negative: never */
+  const genu_material* moving_material; /* where the moving layer differs: layers in series; NULL: the same */
+  genu_strain strain;
+  genu_correction correction;
+  genu_rule rule;
+  genu_tracking tracking;
+  double copy_tolerance; /* a stored result is returned when no coordinate moved by more [rad, m]; negative: never */
 } genu_pair_options;
 
-genu_status genu_pair_create(const genu_pair_options* options, genu_pair** out);
-void genu_pair_destroy(genu_pair* pair);
-int genu_pair_num_elements(const genu_pair* pair);
+/* Sets all fields to their defaults; `size` is sizeof(genu_pair_options) where you compile. Does nothing for NULL. */
+GENU_API void genu_pair_options_init(genu_pair_options* options, size_t size);
 
-genu_status genu_workspace_create(const genu_pair* pair, genu_workspace** out);
-void genu_workspace_destroy(genu_workspace* workspace);
+/* Builds grids and thickness maps. Surfaces and options are copied or shared: they may be destroyed afterwards. */
+GENU_API genu_status genu_pair_create(const genu_pair_options* options, genu_pair** out);
+GENU_API void genu_pair_destroy(genu_pair* pair);
+
+/* 0 for NULL */
+GENU_API int genu_pair_num_compartments(const genu_pair* pair);
+GENU_API int genu_pair_num_elements(const genu_pair* pair);
+/* Number of elements of one compartment; 0 when there is no such compartment. */
+GENU_API int genu_pair_num_compartment_elements(const genu_pair* pair, int compartment);
+/* NULL when there is no such compartment; lives as long as the pair. */
+GENU_API const char* genu_pair_compartment_name(const genu_pair* pair, int compartment);
+
+/* What became of a compartment's cells, and its fixed layer. */
+typedef struct genu_grid_report {
+  int cells, elements;
+  int missed_surface; /* the cell's vertical misses the fixed surface */
+  int below_plane;    /* it meets it only at or below the element plane */
+  int downward_only;  /* it meets only downward-facing sheets: inverted normals? */
+  int missed_back;    /* no back surface along the normal */
+  int clamped;        /* thickness clamped */
+  double min_thickness, max_thickness, mean_thickness; /* [m] */
+  double surface_area;                                 /* [m^2] */
+} genu_grid_report;
+GENU_API genu_status genu_pair_grid_report(const genu_pair* pair, int compartment, genu_grid_report* out);
+
+/* Thickness map of a moving surface, one per moving surface that has a back surface. */
+typedef struct genu_map_report {
+  int samples, missed, clamped;
+  double min_thickness, max_thickness, mean_thickness; /* [m] */
+} genu_map_report;
+GENU_API int genu_pair_num_maps(const genu_pair* pair);
+GENU_API genu_status genu_pair_map_report(const genu_pair* pair, int map, genu_map_report* out);
+
+/* ---- Evaluation ---- */
+
+/* Memory of one user: warm starts, stored result. It changes the time of an evaluation, never the answer. */
+GENU_API genu_status genu_workspace_create(const genu_pair* pair, genu_workspace** out);
+/* Forgets everything: the next evaluation is cold. */
+GENU_API void genu_workspace_reset(genu_workspace* workspace);
+GENU_API void genu_workspace_destroy(genu_workspace* workspace);
 
 typedef struct genu_load {
-  double force_on_moving[3], moment_on_moving_about_fixed_origin[3]; /* in F */
-  double force_on_fixed[3], moment_on_fixed_about_fixed_origin[3];
-  double scalar_force, peak_pressure, mean_pressure, area, energy;
+  double force_on_moving[3], moment_on_moving_about_fixed_origin[3]; /* in F [N], [N m] */
+  double force_on_fixed[3], moment_on_fixed_about_fixed_origin[3];   /* the opposite */
+  double scalar_force;  /* sum of p dA [N] */
+  double peak_pressure; /* [Pa] */
+  double peak_point[3]; /* where [m] */
+  double mean_pressure; /* sum of p dA over sum of dA in contact [Pa] */
+  double area;          /* [m^2] */
+  double energy;        /* elastic [J]; 0 unless asked for */
+  double max_strain;    /* largest d/h */
   double center_of_pressure[3];
   int active_elements;
-  int extrapolated_elements; /* beyond d/h = 0.95 */
+  int extrapolated_elements;     /* beyond d/h = 0.95 */
+  int full_penetration_elements; /* d >= h, or facing away */
+  int not_converged_queries;
   int boundary_elements;     /* behind the open border of the moving surface: carry nothing */
   int no_thickness_elements; /* left out: the moving body's back surface is missed there */
 } genu_load;
 
-/* coordinates: rx, ry, rz [rad], x, y, z [m]; rates: their time derivatives, or NULL. total: required.
-   compartments: num_compartments entries, or NULL. power: power of the contact force [W], or NULL (needs rates). */
-genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, const double coordinates[6],
-                          const double rates[6], int with_energy, genu_load* total, genu_load* compartments, double* power);
+typedef struct genu_evaluate_options {
+  size_t struct_size; /* sizeof(genu_evaluate_options) of the caller */
+  int with_energy;
+  int with_stiffness;      /* smooth rule only */
+  int copy_only_same_pose; /* whatever copy_tolerance: for differences between close poses */
+} genu_evaluate_options;
 
-/* Why the last call of this thread failed; never NULL. */
-const char* genu_last_error(void);
-const char* genu_status_text(genu_status status);
+typedef struct genu_result {
+  size_t struct_size; /* sizeof(genu_result) of the caller */
+  genu_load total;
+  double power; /* of the contact force on M relative to F [W]; 0 without rates */
+  /* With with_stiffness, else 0: d(force, moment on M)/d(coordinates), row by row: stiffness[6 * row + column]; rows
+     force [N] then moment about F's origin [N m], columns rx, ry, rz [rad], x, y, z [m]. Not symmetric in general. */
+  double stiffness[36];
+  int distance_queries; /* work done */
+  int copied;           /* 1: taken from the stored result */
+} genu_result;
+
+/* As genu_pair_options_init. */
+GENU_API void genu_evaluate_options_init(genu_evaluate_options* options, size_t size);
+GENU_API void genu_result_init(genu_result* result, size_t size);
+
+/* Net load at a pose. coordinates: rx, ry, rz [rad], x, y, z [m]; rates: their time derivatives, or NULL. options: NULL for
+   none. compartments: NULL, or room for num_compartments loads, which must be the pair's number. Allocates nothing once the
+   workspace has seen the pair's largest contact. Numbers that are not finite are GENU_BAD_ARGUMENT. */
+GENU_API genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, const double coordinates[6],
+                                   const double rates[6], const genu_evaluate_options* options, genu_result* result,
+                                   genu_load* compartments, int num_compartments);
+
+/* One element at the pose of the workspace's last evaluation. */
+typedef struct genu_element {
+  int ix, iz;                  /* cell of the grid */
+  double point[3], normal[3];  /* centre A on the fixed surface, its outward normal; in F */
+  double area;                 /* of the whole element [m^2] */
+  double contact_share;        /* part of the area in contact, 0 to 1 */
+  double force;                /* integral of p dA over the element [N] */
+  double distance;             /* signed, uncorrected [m]; a lower bound where the element was skipped */
+  double penetration;          /* corrected [m], 0 when inactive */
+  double thickness;            /* both layers [m] */
+  double pressure;             /* at the centre [Pa] */
+  double force_direction[3];   /* of the force on M, in F */
+  int active;
+  int foot_on_border; /* the closest point is on the moving surface's open border: no contact there */
+} genu_element;
+
+/* Elements of one compartment. `count` gets their number (NULL: not wanted); `elements` may be NULL to ask for it only,
+   otherwise `capacity` must be enough. Allocates. */
+GENU_API genu_status genu_pair_fields(const genu_pair* pair, const genu_workspace* workspace, int compartment,
+                                      genu_element* elements, size_t capacity, size_t* count);
 
 #ifdef __cplusplus
 }

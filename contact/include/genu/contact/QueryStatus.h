@@ -1,0 +1,14 @@
+#pragma once
+
+#include <cstdint>
+
+namespace genu::contact {
+
+/** How a closest-point query ended. */
+enum class QueryStatus : std::uint8_t {
+  converged,     ///< foot inside the surface: the distance is along the surface normal
+  onBoundary,    ///< foot on the open border: the surface has no material beyond it, there is no contact
+  notConverged,  ///< the residual stayed above the tolerance; the distance is an upper bound
+};
+
+}  // namespace genu::contact

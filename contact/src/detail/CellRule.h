@@ -1,0 +1,362 @@
+#pragma once
+
+// Integration of the pressure over the part of one grid cell where the surfaces overlap (docs/theory.md, "Smooth rim").
+//
+// In a cell, xi and eta in [-1/2, 1/2] along x and z, the penetration s (> 0 in contact) and the ratio r = c/h (strain = s r)
+// are polynomials through the nodes of the 3 x 3 stencil around it:
+//   s = sum S_cd xi^c eta^d,  cd in {00, 10, 01, 20, 02, 11};   smooth weights g: the same without 11.
+// The moments  A_ab = int_{s>0} xi^a eta^b  and  M_ab = int_{s>0} P(s r) xi^a eta^b  then give every net quantity as a sum over
+// nodes. P(0) = 0, so that the moving rim adds nothing to the derivative of M: the net load is C1 in the pose.
+//
+// Order of the nodes of a stencil: C, E (+x), W, N (+z), S, NE, NW, SE, SW. Order of monomials: 1, xi, eta, xi^2, eta^2, xi eta.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace genu::contact::detail {
+
+constexpr int kStencil = 9;       // nodes
+constexpr int kMonomials = 6;     // of s
+constexpr int kSmooth = 5;        // of weights
+constexpr int kPowers[kMonomials][2] = {{0, 0}, {1, 0}, {0, 1}, {2, 0}, {0, 2}, {1, 1}};
+constexpr int kMoments = 15;      // xi^a eta^b, a + b <= 4
+constexpr int momentIndex(int a, int b) { return (a + b) * (a + b + 1) / 2 + b; }
+
+/** Which neighbors of a cell can be used: bit 0 E, 1 W, 2 N, 3 S, 4 all four corners. */
+constexpr int kAllNeighbors = 31;
+
+/** Weights T[monomial][node] of a stencil whose neighbors are given by `mask`: central differences where both neighbors
+ exist, one-sided first differences where one does, nothing where none does. */
+struct StencilWeights {
+  double T[kMonomials][kStencil];
+};
+inline StencilWeights makeStencilWeights(int mask) {
+  StencilWeights w{};
+  w.T[0][0] = 1;
+  for (int axis = 0; axis < 2; ++axis) {
+    const int plus = 1 + 2 * axis, minus = 2 + 2 * axis;
+    const bool hasPlus = (mask >> (2 * axis)) & 1, hasMinus = (mask >> (2 * axis + 1)) & 1;
+    double* first = w.T[1 + axis];
+    double* second = w.T[3 + axis];
+    if (hasPlus && hasMinus) {
+      first[plus] = 0.5;
+      first[minus] = -0.5;
+      second[plus] = second[minus] = 0.5;
+      second[0] = -1;
+    } else if (hasPlus || hasMinus) {
+      const double sign = hasPlus ? 1 : -1;
+      first[hasPlus ? plus : minus] = sign;
+      first[0] = -sign;
+    }
+  }
+  if (mask & 16) {
+    w.T[5][5] = w.T[5][8] = 0.25;
+    w.T[5][6] = w.T[5][7] = -0.25;
+  }
+  return w;
+}
+inline const StencilWeights& stencilWeights(int mask) {
+  static const std::array<StencilWeights, 32> table = [] {
+    std::array<StencilWeights, 32> t{};
+    for (int m = 0; m < 32; ++m) t[static_cast<size_t>(m)] = makeStencilWeights(m);
+    return t;
+  }();
+  return table[static_cast<size_t>(mask)];
+}
+
+/** Coefficients of s from the nodes' values. */
+inline void calcCoefficients(const double* s, int mask, double S[kMonomials]) {
+  if (mask == kAllNeighbors) {
+    S[0] = s[0];
+    S[1] = 0.5 * (s[1] - s[2]);
+    S[2] = 0.5 * (s[3] - s[4]);
+    S[3] = 0.5 * (s[1] + s[2]) - s[0];
+    S[4] = 0.5 * (s[3] + s[4]) - s[0];
+    S[5] = 0.25 * (s[5] - s[6] - s[7] + s[8]);
+    return;
+  }
+  const StencilWeights& w = stencilWeights(mask);
+  for (int m = 0; m < kMonomials; ++m) {
+    S[m] = 0;
+    for (int k = 0; k < kStencil; ++k) {
+      if (w.T[m][k] != 0) S[m] += w.T[m][k] * s[k];  // an unusable node may hold anything
+    }
+  }
+}
+
+inline double evaluateAt(const double* S, double xi, double eta) {
+  return S[0] + xi * (S[1] + S[3] * xi + S[5] * eta) + eta * (S[2] + S[4] * eta);
+}
+/** Bounds of s over the cell. */
+inline double upperBound(const double S[kMonomials]) {
+  return S[0] + 0.5 * (std::abs(S[1]) + std::abs(S[2])) + 0.25 * (std::max(S[3], 0.0) + std::max(S[4], 0.0) + std::abs(S[5]));
+}
+inline double lowerBound(const double S[kMonomials]) {
+  return S[0] - 0.5 * (std::abs(S[1]) + std::abs(S[2])) + 0.25 * (std::min(S[3], 0.0) + std::min(S[4], 0.0) - std::abs(S[5]));
+}
+/** Largest change of s anywhere in the cell when no node's s changes by more than 1: the sum of the absolute node weights
+ at the worst corner, 7/4 for the full stencil, up to 13/4 for one-sided ones. */
+inline double largestGain(int mask) { return mask == kAllNeighbors ? 1.75 : 3.25; }
+
+/** Largest value of the polynomial in the cell and where. */
+inline double findMaximum(const double S[kMonomials], double& xiBest, double& etaBest) {
+  double best = -1e300;
+  const auto take = [&](double xi, double eta) {
+    const double value = evaluateAt(S, xi, eta);
+    if (value > best) {
+      best = value;
+      xiBest = xi;
+      etaBest = eta;
+    }
+  };
+  const double det = 4 * S[3] * S[4] - S[5] * S[5];
+  if (S[3] < 0 && det > 0) {
+    const double xi = (-2 * S[4] * S[1] + S[5] * S[2]) / det, eta = (-2 * S[3] * S[2] + S[5] * S[1]) / det;
+    if (std::abs(xi) <= 0.5 && std::abs(eta) <= 0.5) {
+      take(xi, eta);
+      return best;
+    }
+  }
+  for (const double side : {-0.5, 0.5}) {
+    take(side, -0.5);
+    take(side, 0.5);
+    if (S[4] < 0) take(side, std::min(0.5, std::max(-0.5, -(S[2] + S[5] * side) / (2 * S[4]))));
+    if (S[3] < 0) take(std::min(0.5, std::max(-0.5, -(S[1] + S[5] * side) / (2 * S[3]))), side);
+  }
+  return best;
+}
+
+/** Real roots of a + b t + c t^2, ascending; returns their number. */
+inline int solveQuadratic(double a, double b, double c, double root[2]) {
+  // A quadratic term that cannot matter within |t| <= 1/2 of the cell: linear.
+  if (std::abs(c) <= 1e-14 * std::max(std::abs(a), std::abs(b))) {
+    if (b == 0) return 0;
+    root[0] = -a / b;
+    return 1;
+  }
+  const double discriminant = b * b - 4 * a * c;
+  if (!(discriminant > 0)) return 0;
+  const double q = -0.5 * (b + std::copysign(std::sqrt(discriminant), b));
+  root[0] = q / c;
+  root[1] = q != 0 ? a / q : root[0];
+  if (root[0] > root[1]) std::swap(root[0], root[1]);
+  return 2;
+}
+
+/** Gauss-Legendre nodes and weights on [-1/2, 1/2]. */
+template <int N>
+struct Gauss;
+template <>
+struct Gauss<3> {
+  static constexpr double x[3] = {-0.3872983346207417, 0, 0.3872983346207417};
+  static constexpr double w[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+};
+template <>
+struct Gauss<4> {
+  static constexpr double x[4] = {-0.4305681557970263, -0.1699905217924281, 0.1699905217924281, 0.4305681557970263};
+  static constexpr double w[4] = {0.1739274225687269, 0.3260725774312731, 0.3260725774312731, 0.1739274225687269};
+};
+template <>
+struct Gauss<5> {
+  static constexpr double x[5] = {-0.4530899229693320, -0.2692346550528416, 0, 0.2692346550528416, 0.4530899229693320};
+  static constexpr double w[5] = {0.1184634425280945, 0.2393143352496832, 0.2844444444444444, 0.2393143352496832, 0.1184634425280945};
+};
+template <>
+struct Gauss<8> {
+  static constexpr double x[8] = {-0.4801449282487681, -0.3983332387068134, -0.2627662049581645, -0.0917173212478249,
+                                  0.0917173212478249,  0.2627662049581645,  0.3983332387068134,  0.4801449282487681};
+  static constexpr double w[8] = {0.0506142681451881, 0.1111905172266872, 0.1568533229389437, 0.1813418916891810,
+                                  0.1813418916891810, 0.1568533229389437, 0.1111905172266872, 0.0506142681451881};
+};
+
+/** Calls line(a, weight, b0, b1) for every integration line of the region s > 0 of the cell: a is the outer variable, [b0, b1]
+ an interval of the inner one (the direction in which s changes faster); `swapped` tells that a is eta. The outer range is
+ split where the rim crosses the cell's border, so that the integrand is analytic on each piece. */
+template <class Line>
+inline void forEachLine(const double S[kMonomials], bool& swapped, Line line) {
+  swapped = std::abs(S[1]) > std::abs(S[2]);
+  const double sa = swapped ? S[2] : S[1], sb = swapped ? S[1] : S[2];
+  const double saa = swapped ? S[4] : S[3], sbb = swapped ? S[3] : S[4], s0 = S[0], sab = S[5];
+  double split[10];
+  bool singular[10];
+  int n = 0;
+  const auto add = [&](double a, bool isTurn) {
+    if (a > -0.5 && a < 0.5) {
+      int i = n++;
+      for (; i > 0 && split[i - 1] > a; --i) {
+        split[i] = split[i - 1];
+        singular[i] = singular[i - 1];
+      }
+      split[i] = a;
+      singular[i] = isTurn;
+    }
+  };
+  double root[2];
+  for (const double side : {-0.5, 0.5}) {
+    const int count = solveQuadratic(s0 + side * (sb + sbb * side), sa + sab * side, saa, root);
+    for (int k = 0; k < count; ++k) add(root[k], false);
+  }
+  if (sbb != 0) {
+    // Where the rim turns back inside the cell the inner interval opens like a square root.
+    const int count = solveQuadratic(sb * sb - 4 * sbb * s0, 2 * sb * sab - 4 * sbb * sa, sab * sab - 4 * sbb * saa, root);
+    for (int k = 0; k < count; ++k) {
+      if (std::abs(sb + sab * root[k]) <= std::abs(sbb)) add(root[k], true);
+    }
+  }
+  double from = -0.5;
+  bool fromTurn = false;
+  for (int piece = 0; piece <= n; ++piece) {
+    const double to = piece < n ? split[piece] : 0.5;
+    const bool toTurn = piece < n && singular[piece];
+    const double width = to - from, middle = 0.5 * (from + to);
+    const auto atLine = [&](double a, double weight) {
+      const double c0 = s0 + a * (sa + saa * a), c1 = sb + sab * a;
+      const int count = solveQuadratic(c0, c1, sbb, root);
+      double at[4] = {-0.5, 0, 0, 0};
+      int m = 1;
+      for (int k = 0; k < count; ++k) {
+        if (root[k] > -0.5 && root[k] < 0.5) at[m++] = root[k];
+      }
+      at[m] = 0.5;
+      for (int k = 0; k < m; ++k) {
+        const double b = 0.5 * (at[k] + at[k + 1]);
+        if (c0 + b * (c1 + sbb * b) > 0) line(a, weight, at[k], at[k + 1]);
+      }
+    };
+    if (width > 0) {
+      if (fromTurn || toTurn) {
+        for (int i = 0; i < 8; ++i) {
+          const double t = Gauss<8>::x[i] + 0.5;  // a = from + width t^2 (3 - 2t): square-root ends become analytic
+          atLine(from + width * t * t * (3 - 2 * t), width * 6 * t * (1 - t) * Gauss<8>::w[i]);
+        }
+      } else {
+        for (int i = 0; i < 5; ++i) atLine(middle + width * Gauss<5>::x[i], width * Gauss<5>::w[i]);
+      }
+    }
+    from = to;
+    fromTurn = toTurn;
+  }
+}
+
+/** Moments of one cell. */
+struct CellMoments {
+  double area[kMoments];     ///< int xi^a eta^b
+  double pressure[kSmooth];  ///< int P xi^a eta^b, in the order of monomials
+  double energy[kSmooth];    ///< int U
+  double slopeR[kMoments];   ///< int P' r xi^a eta^b: for ds (law with a slope that varies)
+  double slopeS[kMoments];   ///< int P' s xi^a eta^b: for dr
+};
+
+/** Area moments of the whole cell, exact. */
+constexpr double kFullArea[kMoments] = {1, 0, 0, 1.0 / 12, 0, 1.0 / 12, 0, 0, 0, 0, 1.0 / 80, 0, 1.0 / 144, 0, 1.0 / 80};
+
+inline void calcRimArea(const double S[kMonomials], double area[kMoments]) {
+  double local[kMoments] = {};  // (outer, inner)
+  bool swapped = false;
+  forEachLine(S, swapped, [&](double a, double weight, double b0, double b1) {
+    double I[5];
+    double p0 = b0, p1 = b1;
+    for (int k = 0; k < 5; ++k) {
+      I[k] = weight * (p1 - p0) / (k + 1);
+      p0 *= b0;
+      p1 *= b1;
+    }
+    double power = 1;
+    for (int j = 0; j <= 4; ++j) {
+      for (int k = 0; j + k <= 4; ++k) local[momentIndex(j, k)] += power * I[k];
+      power *= a;
+    }
+  });
+  for (int j = 0; j <= 4; ++j) {
+    for (int k = 0; j + k <= 4; ++k) area[momentIndex(j, k)] = swapped ? local[momentIndex(k, j)] : local[momentIndex(j, k)];
+  }
+}
+
+/** P = s: moments of s from those of the region. */
+inline void calcLinearMoments(const double S[kMonomials], const double area[kMoments], double pressure[kSmooth]) {
+  for (int m = 0; m < kSmooth; ++m) {
+    double sum = 0;
+    for (int c = 0; c < kMonomials; ++c) {
+      sum += S[c] * area[momentIndex(kPowers[m][0] + kPowers[c][0], kPowers[m][1] + kPowers[c][1])];
+    }
+    pressure[m] = sum;
+  }
+}
+
+/** Adds one quadrature point to the moments of a law. `response` gives p, dp/dstrain and energy density at a strain. */
+template <bool WithEnergy, bool WithSlope, class Response>
+inline void addPoint(double weight, double xi, double eta, const double S[kMonomials], const double R[kSmooth], const Response& response,
+                     CellMoments& m) {
+  const double s = evaluateAt(S, xi, eta);
+  const double r = R[0] + xi * (R[1] + R[3] * xi) + eta * (R[2] + R[4] * eta);
+  double p = 0, dp = 0, energy = 0;
+  response(s * r, p, dp, energy);
+  const double monomial[kSmooth] = {1, xi, eta, xi * xi, eta * eta};
+  for (int k = 0; k < kSmooth; ++k) m.pressure[k] += weight * p * monomial[k];
+  if (WithEnergy) {
+    for (int k = 0; k < kSmooth; ++k) m.energy[k] += weight * energy * monomial[k];
+  }
+  if (WithSlope) {
+    double powerA = weight * dp;
+    for (int a = 0; a <= 4; ++a) {
+      double power = powerA;
+      for (int b = 0; a + b <= 4; ++b) {
+        m.slopeR[momentIndex(a, b)] += r * power;
+        m.slopeS[momentIndex(a, b)] += s * power;
+        power *= eta;
+      }
+      powerA *= xi;
+    }
+  }
+}
+
+/** Moments of a nonlinear law: tensor Gauss points in a full cell, Gauss points along the integration lines at the rim. */
+template <bool WithEnergy, bool WithSlope, class Response>
+inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, bool curved, const Response& response,
+                           CellMoments& m) {
+  std::fill(std::begin(m.pressure), std::end(m.pressure), 0.0);
+  std::fill(std::begin(m.energy), std::end(m.energy), 0.0);
+  if (WithSlope) {
+    std::fill(std::begin(m.slopeR), std::end(m.slopeR), 0.0);
+    std::fill(std::begin(m.slopeS), std::end(m.slopeS), 0.0);
+  }
+  if (full) {
+    const auto tensor = [&](auto rule, int n) {
+      using Rule = decltype(rule);
+      for (int i = 0; i < n; ++i) {
+        for (int j = 0; j < n; ++j) {
+          addPoint<WithEnergy, WithSlope>(Rule::w[i] * Rule::w[j], Rule::x[i], Rule::x[j], S, R, response, m);
+        }
+      }
+    };
+    if (curved) {
+      tensor(Gauss<5>{}, 5);
+    } else {
+      tensor(Gauss<3>{}, 3);
+    }
+    return;
+  }
+  bool swapped = false;
+  forEachLine(S, swapped, [&](double a, double weight, double b0, double b1) {
+    // Points crowd at the rim, where the law bends most: b = rim + width t^2. An interval between two rims gets them at both.
+    const auto isRim = [](double b) { return b > -0.5 && b < 0.5; };
+    const auto graded = [&](double rim, double width) {
+      for (int k = 0; k < 8; ++k) {
+        const double u = Gauss<8>::x[k] + 0.5, b = rim + width * u * u;
+        addPoint<WithEnergy, WithSlope>(weight * std::abs(width) * 2 * u * Gauss<8>::w[k], swapped ? b : a, swapped ? a : b, S, R, response, m);
+      }
+    };
+    if (isRim(b0) && isRim(b1)) {
+      const double middle = 0.5 * (b0 + b1);
+      graded(b0, middle - b0);
+      graded(b1, middle - b1);
+    } else if (isRim(b1)) {
+      graded(b1, b0 - b1);
+    } else {
+      graded(b0, b1 - b0);
+    }
+  });
+}
+
+}  // namespace genu::contact::detail

@@ -1,0 +1,33 @@
+# Installs the build into a folder of its own and compiles a C program against it with nothing but the C compiler: one header,
+# one shared library.
+function(run)
+  execute_process(COMMAND ${ARGV} RESULT_VARIABLE result)
+  if(NOT result EQUAL 0)
+    message(FATAL_ERROR "failed (${result}): ${ARGV}")
+  endif()
+endfunction()
+
+file(REMOVE_RECURSE ${WORK_DIR})
+file(MAKE_DIRECTORY ${WORK_DIR})
+run(${CMAKE_COMMAND} --install ${GENU_BINARY_DIR} --prefix ${WORK_DIR}/prefix)
+file(GLOB library ${WORK_DIR}/prefix/lib*/libgenu_contact.so ${WORK_DIR}/prefix/lib*/*/libgenu_contact.so)
+if(NOT library)
+  message(FATAL_ERROR "libgenu_contact.so is not installed")
+endif()
+list(GET library 0 library)
+get_filename_component(folder ${library} DIRECTORY)
+set(flags -std=c99 -Wall -Wextra -Wpedantic -Werror)
+if(SANITIZE)
+  list(APPEND flags -fsanitize=${SANITIZE})
+endif()
+run(${C_COMPILER} ${flags} ${SOURCE} -I ${WORK_DIR}/prefix/include -L ${folder} -lgenu_contact -lm -o ${WORK_DIR}/pressSphere)
+run(${CMAKE_COMMAND} -E env LD_LIBRARY_PATH=${folder} ${WORK_DIR}/pressSphere)
+
+# Nothing but the C interface may be visible: another copy of Eigen or of the C++ library in the same program must not matter.
+execute_process(COMMAND ${NM} -D --defined-only ${library} OUTPUT_VARIABLE symbols RESULT_VARIABLE result)
+string(REGEX MATCHALL " [A-Za-z] [^\n]+" symbols "${symbols}")
+list(LENGTH symbols count)
+list(FILTER symbols EXCLUDE REGEX "^ T genu_[a-z_]+$")
+if(NOT result EQUAL 0 OR count EQUAL 0 OR (symbols AND NOT SANITIZE))
+  message(FATAL_ERROR "visible symbols that are not of the C interface: ${symbols}")
+endif()
