@@ -8,8 +8,11 @@ namespace genu::contact {
 using namespace detail;
 
 template <class Law>
-void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, const Pose& X_FM, bool withEnergy,
-                                            CompartmentMemory& memory, unsigned stamp, NetLoad& load, int& queries) const {
+void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, const EvaluationTask& task, CompartmentMemory& memory,
+                                       NetLoad& load, int& queries) const {
+  const Pose& X_FM = task.X_FM;
+  const bool withEnergy = task.withEnergy;
+  const unsigned stamp = task.stamp;
   const Mat3 R_MF = X_FM.R.transpose();
   const Vec3 offset = R_MF * X_FM.p;
   const bool corrected = definition.correction == Correction::midsurface;
@@ -134,9 +137,10 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
     } else {
       r = withEnergy ? law_.template calcResponse<true>(a.d_m, a.h_m) : law_.template calcResponse<false>(a.d_m, a.h_m);
     }
-    a.p_Pa = r.p_Pa;
-    a.force_N = r.p_Pa * c.area_m2[i];
-    const double f = r.p_Pa * c.area_m2[i];
+    // Rate of approach: the velocity of M's point at A against the force on it.
+    const double approach_mPerS = -a.direction_F.dot(task.v_F + task.w_F.cross(c.p_FA[i]));
+    a.p_Pa = r.p_Pa * std::max(0.0, 1 + definition.damping_sPerM * approach_mPerS);
+    const double f = a.force_N = a.p_Pa * c.area_m2[i];
     const Vec3 fVector = f * a.direction_F;
     force += fVector;
     moment += c.p_FA[i].cross(fVector);
@@ -146,8 +150,8 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
     energy += r.energy_JPerM2 * c.area_m2[i];
     load.extrapolatedElements += r.extrapolated;
     load.maxStrain = std::max(load.maxStrain, a.d_m / a.h_m);
-    if (r.p_Pa > load.peakPressure_Pa) {
-      load.peakPressure_Pa = r.p_Pa;
+    if (a.p_Pa > load.peakPressure_Pa) {
+      load.peakPressure_Pa = a.p_Pa;
       load.peakPoint_F = c.p_FA[i];
     }
   }
@@ -161,11 +165,11 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
   load.centerOfPressure_F = scalar > 0 ? Vec3(weighted / scalar) : Vec3(Vec3::Zero());
 }
 
-template void ContactPair::Impl::evaluateCentre(const LinearLayer&, const Compartment&, const Pose&, bool, CompartmentMemory&, unsigned,
-                                                NetLoad&, int&) const;
-template void ContactPair::Impl::evaluateCentre(const PowerLawLayer&, const Compartment&, const Pose&, bool, CompartmentMemory&, unsigned,
-                                                NetLoad&, int&) const;
-template void ContactPair::Impl::evaluateCentre(const SeriesLayers&, const Compartment&, const Pose&, bool, CompartmentMemory&, unsigned,
-                                                NetLoad&, int&) const;
+template void ContactPair::Impl::evaluateCentre(const LinearLayer&, const Compartment&, const EvaluationTask&, CompartmentMemory&, NetLoad&,
+                                                int&) const;
+template void ContactPair::Impl::evaluateCentre(const PowerLawLayer&, const Compartment&, const EvaluationTask&, CompartmentMemory&, NetLoad&,
+                                                int&) const;
+template void ContactPair::Impl::evaluateCentre(const SeriesLayers&, const Compartment&, const EvaluationTask&, CompartmentMemory&, NetLoad&,
+                                                int&) const;
 
 }  // namespace genu::contact

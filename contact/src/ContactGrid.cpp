@@ -23,6 +23,7 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
   out.nx = c.nx;
   out.nz = c.nz;
   out.moving = c.movingSurface.get();
+  if (definition.rule == ContactRule::smooth) out.predictor = std::make_unique<DistancePredictor>(*c.movingSurface);
   report.cells = c.nx * c.nz;
   out.element.assign(static_cast<size_t>(report.cells), -1);
   const double dx = (c.x1_m - c.x0_m) / c.nx, dz = (c.z1_m - c.z0_m) / c.nz;

@@ -38,9 +38,20 @@ std::unique_ptr<PressureTable> makeTable(const ContactPairDefinition& d) {
   return table->relativeError() < 1e-9 ? std::move(table) : nullptr;
 }
 
+/** Of layers in series, only that a power law bends or a layer can be used up is told. */
+LawShape makeShape(const ContactPairDefinition& d) {
+  LawShape shape = calcLawShape(d.material, d.strain);
+  if (d.movingMaterial && !(*d.movingMaterial == d.material)) {
+    const LawShape other = calcLawShape(*d.movingMaterial, d.strain);
+    if (d.material.law != MaterialLaw::linear || d.movingMaterial->law != MaterialLaw::linear) shape.atZero = 0;
+    shape.atOne = std::min(shape.atOne, other.atOne);
+  }
+  return shape;
+}
+
 }  // namespace
 
-ContactPair::Impl::Impl(ContactPairDefinition d) : detail::PairData{d, makeLaw(d), makeTable(d)} {}
+ContactPair::Impl::Impl(ContactPairDefinition d) : detail::PairData{d, makeLaw(d), makeTable(d), makeShape(d)} {}
 
 ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_unique<Impl>()) {
   const auto& compartments = pair.impl_->compartments;
@@ -50,29 +61,17 @@ ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_un
     const size_t n = compartments[k].size();
     CompartmentMemory& m = impl_->compartments[k];
     if (pair.impl_->definition.rule == ContactRule::smooth) {
-      const size_t nodes = compartments[k].numNodes();
-      m.feet.resize(nodes);
-      m.nodeVisit.resize(nodes);
-      m.field.resize(nodes);
-      m.weight.resize(nodes);
-      m.weightArea.resize(nodes);
-      m.weightEnergy.resize(nodes);
-      m.adjointS.resize(nodes);
-      m.adjointR.resize(nodes);
-      m.nodes.reserve(nodes);
-      m.query.resize(3 * nodes);
-      m.threshold_m.resize(n);
-      m.candidates.reserve(n);
+      ContactPair::Impl::sizeSmoothMemory(compartments[k], m);
     } else {
       m.foot.resize(n);
       m.p_MA.resize(n);
       m.clearance_m.resize(n);
       m.distance_m.resize(n);
       m.onBorder.resize(n);
+      m.active.reserve(n);
     }
     m.visit.resize(n);
     m.queue.reserve(n);
-    m.active.reserve(n);
     m.previous.reserve(n);
   }
   reset();
@@ -81,6 +80,8 @@ ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_un
 ContactWorkspace::~ContactWorkspace() = default;
 ContactWorkspace::ContactWorkspace(ContactWorkspace&&) noexcept = default;
 ContactWorkspace& ContactWorkspace::operator=(ContactWorkspace&&) noexcept = default;
+
+void ContactWorkspace::setTaskRunner(const TaskRunner* runner) { impl_->runner = runner; }
 
 void ContactWorkspace::reset() {
   impl_->hasStored = false;
@@ -96,8 +97,10 @@ void ContactWorkspace::reset() {
       foot.patch = -1;
     }
     std::fill(m.nodeVisit.begin(), m.nodeVisit.end(), 0u);
-    m.hasReference = false;
+    std::fill(m.nodePredicted.begin(), m.nodePredicted.end(), 0u);
+    m.hasLast = false;
     m.active.clear();
+    m.tasks.clear();
     m.previous.clear();
   }
 }
@@ -106,6 +109,9 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
   if (definition.compartments.empty()) fail("contact pair: has no compartment; at least one is needed");
   definition.material.validate();
   if (definition.movingMaterial) definition.movingMaterial->validate();
+  if (!(definition.damping_sPerM >= 0) || !std::isfinite(definition.damping_sPerM)) {
+    fail("contact pair: damping = ", definition.damping_sPerM, " s/m is not allowed; allowed: 0 s/m or more");
+  }
   validateThickness("fixed", definition.fixedThickness);
   validateThickness("moving", definition.movingThickness);
   const auto isRigid = [](const Thickness& t) { return std::holds_alternative<RigidBody>(t.source); };
@@ -115,6 +121,7 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
   impl_ = std::make_unique<Impl>(std::move(definition));
   Impl& m = *impl_;
   for (const CompartmentDefinition& c : m.definition.compartments) m.buildCompartment(c);
+  for (Compartment& c : m.compartments) Impl::packCompartment(c);
 
   const Thickness& moving = m.definition.movingThickness;
   if (const auto* constant = std::get_if<ConstantThickness>(&moving.source)) {
@@ -204,31 +211,56 @@ Matrix6 calcMotionOfCoordinates(const JointCoordinates& q) {
   return motion;
 }
 
+/** d(v, w)/dq at constant qdot, (v, w) the motion of M at Fo: v = pdot - w x p, and w = x qdot0 + y(q0) qdot1 + z(q0, q1) qdot2 with the
+ axes of the three rotations, of which y turns about x and z about x and y as their angles change. */
+Matrix6 calcMotionChange(const JointCoordinates& q, const JointCoordinates& qdot) {
+  const Vec3 x = Vec3::UnitX();
+  const Eigen::AngleAxisd Rx(q[0], Vec3::UnitX()), Ry(q[1], Vec3::UnitY());
+  const Vec3 y = Rx * Vec3::UnitY(), z = Rx * (Ry * Vec3::UnitZ());
+  const Vec3 w = qdot[0] * x + qdot[1] * y + qdot[2] * z, p(q[3], q[4], q[5]);
+  Matrix6 change = Matrix6::Zero();
+  const Vec3 dw[2] = {x.cross(qdot[1] * y + qdot[2] * z), y.cross(qdot[2] * z)};
+  for (Eigen::Index k = 0; k < 2; ++k) change.col(k) << -dw[k].cross(p), dw[k];
+  for (Eigen::Index k = 0; k < 3; ++k) change.col(3 + k) << -w.cross(Vec3::Unit(k)), Vec3::Zero();
+  return change;
+}
+
 }  // namespace
 
 void ContactPair::evaluate(const JointCoordinates& q, ContactWorkspace& workspace, const Options& options,
                            ContactResult& result) const {
+  evaluate(q, JointCoordinates{}, workspace, options, result);
+}
+
+void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qdot, ContactWorkspace& workspace, const Options& options,
+                           ContactResult& result) const {
   ContactWorkspace::Impl& w = *workspace.impl_;
-  if (!std::all_of(q.begin(), q.end(), [](double value) { return std::isfinite(value); })) {
+  const ContactPairDefinition& d = impl_->definition;
+  const bool damped = d.damping_sPerM > 0;
+  const auto isFinite = [](const JointCoordinates& values) {
+    return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
+  };
+  if (!isFinite(q) || !isFinite(qdot)) {
     // A diverged integrator asks this. No pose, no load; the stored result stays as it was.
     result.compartments.assign(impl_->compartments.size(), NetLoad{});
     result.total = NetLoad{};
     result.total.notConvergedQueries = 1;
     result.stiffness.setZero();
+    result.damping.setZero();
     result.status = EvaluationStatus::notConverged;
     result.distanceQueries = 0;
     result.copied = false;
     return;
   }
-  const bool smooth = impl_->definition.rule == ContactRule::smooth;
+  const bool smooth = d.rule == ContactRule::smooth;
   if (options.withStiffness && !smooth) {
     fail("contact pair: the stiffness is the derivative of the smooth rule; the centre rule has none, because its load jumps");
   }
   if (w.hasStored && (w.storedWithEnergy || !options.withEnergy) && (w.storedWithStiffness || !options.withStiffness)) {
     double change = 0;
     for (size_t k = 0; k < 6; ++k) change = std::max(change, std::abs(q[k] - w.storedQ[k]));
-    const double tolerance = impl_->definition.copyTolerance;
-    if (change <= (options.copyOnlySamePose ? std::min(tolerance, 0.0) : tolerance)) {
+    const double tolerance = d.copyTolerance;
+    if (change <= (options.copyOnlySamePose ? std::min(tolerance, 0.0) : tolerance) && (!damped || qdot == w.storedRates)) {
       result = w.stored;
       result.distanceQueries = 0;
       result.copied = true;
@@ -241,31 +273,47 @@ void ContactPair::evaluate(const JointCoordinates& q, ContactWorkspace& workspac
     for (CompartmentMemory& m : w.compartments) {
       std::fill(m.visit.begin(), m.visit.end(), 0u);
       std::fill(m.nodeVisit.begin(), m.nodeVisit.end(), 0u);
+      std::fill(m.nodePredicted.begin(), m.nodePredicted.end(), 0u);
     }
     w.stamp = 1;
   }
   ContactResult& r = w.stored;
   r.distanceQueries = 0;
   r.copied = false;
-  Matrix6 byMotion = Matrix6::Zero();
-  for (size_t k = 0; k < impl_->compartments.size(); ++k) {
-    r.compartments[k] = NetLoad{};
-    const Compartment& c = impl_->compartments[k];
-    if (smooth) {
-      impl_->evaluateSmooth(c, w.X_FM, options.withEnergy, w.compartments[k], w.stamp, r.compartments[k], r.distanceQueries,
-                            options.withStiffness ? &byMotion : nullptr);
-    } else {
+  for (NetLoad& load : r.compartments) load = NetLoad{};
+  EvaluationTask task;
+  task.X_FM = w.X_FM;
+  if (damped) {
+    const SpatialVelocity V = calcSpatialVelocity(q, qdot);
+    task.w_F = V.w_FM;
+    task.v_F = V.v_FMo - V.w_FM.cross(w.X_FM.p);
+  }
+  task.withEnergy = options.withEnergy;
+  task.withStiffness = options.withStiffness;
+  task.stamp = w.stamp;
+  task.runner = w.runner;
+  task.loads = r.compartments.data();
+  task.queries = &r.distanceQueries;
+  if (smooth) {
+    impl_->evaluateSmooth(w.compartments, task);
+  } else {
+    for (size_t k = 0; k < impl_->compartments.size(); ++k) {
       std::visit(
           [&](const auto& law) {
-            impl_->evaluateCentre(law, c, w.X_FM, options.withEnergy, w.compartments[k], w.stamp, r.compartments[k], r.distanceQueries);
+            impl_->evaluateCentre(law, impl_->compartments[k], task, w.compartments[k], r.compartments[k], r.distanceQueries);
           },
           impl_->law);
     }
   }
+  r.stiffness.setZero();
+  r.damping.setZero();
   if (options.withStiffness) {
-    r.stiffness = byMotion * calcMotionOfCoordinates(q);
-  } else {
-    r.stiffness.setZero();
+    const Matrix6 motion = calcMotionOfCoordinates(q);
+    r.stiffness = task.byMotion * motion;
+    if (damped) {
+      r.stiffness += task.byRate * calcMotionChange(q, qdot);
+      r.damping = task.byRate * motion;
+    }
   }
   r.total = sumLoads(r.compartments);
   r.status = r.total.notConvergedQueries > 0       ? EvaluationStatus::notConverged
@@ -273,6 +321,7 @@ void ContactPair::evaluate(const JointCoordinates& q, ContactWorkspace& workspac
              : r.total.extrapolatedElements > 0    ? EvaluationStatus::extrapolated
                                                    : EvaluationStatus::ok;
   w.storedQ = q;
+  w.storedRates = qdot;
   w.storedWithEnergy = options.withEnergy;
   w.storedWithStiffness = options.withStiffness;
   w.hasStored = true;
@@ -299,6 +348,7 @@ ContactResult ContactPair::evaluate(const JointCoordinates& q, const Options& op
 std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWorkspace& workspace) const {
   const ContactWorkspace::Impl& w = *workspace.impl_;
   std::vector<std::vector<ElementField>> fields(impl_->compartments.size());
+  const bool smooth = impl_->definition.rule == ContactRule::smooth;
   for (size_t k = 0; k < fields.size(); ++k) {
     const Compartment& c = impl_->compartments[k];
     const CompartmentMemory& m = w.compartments[k];
@@ -311,19 +361,22 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       f.normal_F = c.normal_F[i];
       f.area_m2 = c.area_m2[i];
       f.h_m = c.hF_m[i];
-      const bool smooth = impl_->definition.rule == ContactRule::smooth;
       const Vec3 queried = smooth ? Vec3(m.feet[i].Q[0], m.feet[i].Q[1], m.feet[i].Q[2]) : m.p_MA[i];
       const double moved = (w.X_FM.applyInverse(c.p_FA[i]) - queried).norm();
       f.footOnBorder = smooth ? m.feet[i].status == QueryStatus::onBoundary : m.onBorder[i] != 0;
       const double distance = smooth ? m.feet[i].distance_m : m.distance_m[i];
       f.distance_m = moved == 0 ? distance : distance - moved;
     }
+    if (smooth) {
+      impl_->calcSmoothFields(c, m, fields[k]);
+      continue;
+    }
     for (const Active& a : m.active) {
       ElementField& f = fields[k][static_cast<size_t>(a.element)];
       f.d_m = a.d_m;
       f.h_m = a.h_m;
       f.p_Pa = a.p_Pa;
-      f.contactShare = a.share;
+      f.contactShare = 1;
       f.force_N = a.force_N;
       f.forceDirection_F = a.direction_F;
       f.active = true;

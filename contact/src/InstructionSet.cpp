@@ -1,6 +1,7 @@
 #include <atomic>
 #include <cstring>
 
+#include "detail/CellKernel.h"
 #include "detail/FootKernel.h"
 #include "genu/contact/ContactSurface.h"
 
@@ -11,14 +12,15 @@ namespace {
 struct Choice {
   const char* name;
   detail::SolveFoot solve;
+  const detail::CellKernels* cells;
 };
 
 constexpr Choice kChoices[] = {
 #ifdef GENU_X86_KERNELS
-    {"avx512", detail::avx512::solveFoot},
-    {"avx2", detail::avx2::solveFoot},
+    {"avx512", detail::avx512::solveFoot, &detail::avx512::kCellKernels},
+    {"avx2", detail::avx2::solveFoot, &detail::avx2::kCellKernels},
 #endif
-    {"baseline", detail::baseline::solveFoot},
+    {"baseline", detail::baseline::solveFoot, &detail::baseline::kCellKernels},
 };
 
 bool isSupported(const Choice& choice) {
@@ -51,6 +53,8 @@ const char* activeInstructionSet() { return active().load(std::memory_order_rela
 namespace detail {
 
 SolveFoot activeSolveFoot() { return active().load(std::memory_order_relaxed)->solve; }
+
+const CellKernels& activeCellKernels() { return *active().load(std::memory_order_relaxed)->cells; }
 
 bool forceInstructionSet(const char* name) {
   const Choice* choice = choose(name);

@@ -94,6 +94,7 @@ ThicknessMap::ThicknessMap(const ContactSurface& surface, const Thickness& thick
     }
     maps_.push_back(std::move(map));
   }
+  hasHoles_ = report.missed > 0 && !thickness.missing_m;
   const int valid = thickness.missing_m ? report.samples : report.samples - report.missed;
   report.mean_m = valid > 0 ? sum / valid : 0;
   if (valid == 0) {

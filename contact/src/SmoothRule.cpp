@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "detail/CellRule.h"
@@ -10,20 +11,47 @@ using namespace detail;
 
 namespace {
 
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-using Matrix36 = Eigen::Matrix<double, 3, 6>;
-
-Mat3 crossMatrix(const Vec3& a) {
-  Mat3 m;
-  m << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return m;
-}
-
-Vector6 wrench(const Vec3& f, const Vec3& at) {
-  Vector6 w;
-  w << f, at.cross(f);
+StencilWeights makeStencilWeights(int mask) {
+  StencilWeights w{};
+  w.T[0][0] = 1;
+  for (int axis = 0; axis < 2; ++axis) {
+    const int plus = 1 + 2 * axis, minus = 2 + 2 * axis;
+    const bool hasPlus = (mask >> (2 * axis)) & 1, hasMinus = (mask >> (2 * axis + 1)) & 1;
+    double* first = w.T[1 + axis];
+    double* second = w.T[3 + axis];
+    if (hasPlus && hasMinus) {
+      first[plus] = 0.5;
+      first[minus] = -0.5;
+      second[plus] = second[minus] = 0.5;
+      second[0] = -1;
+    } else if (hasPlus || hasMinus) {
+      const double sign = hasPlus ? 1 : -1;
+      first[hasPlus ? plus : minus] = sign;
+      first[0] = -sign;
+    }
+  }
+  if (mask & 16) {
+    w.T[5][5] = w.T[5][8] = 0.25;
+    w.T[5][6] = w.T[5][7] = -0.25;
+  }
   return w;
 }
+
+}  // namespace
+
+const StencilWeights& detail::stencilWeights(int mask) {
+  static const std::array<StencilWeights, 32> table = [] {
+    std::array<StencilWeights, 32> t{};
+    for (int m = 0; m < 32; ++m) t[static_cast<size_t>(m)] = makeStencilWeights(m);
+    return t;
+  }();
+  return table[static_cast<size_t>(mask)];
+}
+
+namespace {
+
+/** Nodes and cells of a block: blocks never depend on the number of threads, so neither do results. */
+constexpr int kNodesPerBlock = 64, kCellsPerBlock = 32;
 
 /** How far apart two poses bring any point of a box: its farthest corner (the distance of an affine map is convex). */
 double calcLargestMotion(const std::array<Vec3, 8>& corner_F, const Pose& a, const Pose& b) {
@@ -34,40 +62,175 @@ double calcLargestMotion(const std::array<Vec3, 8>& corner_F, const Pose& a, con
   return std::sqrt(largest);
 }
 
-/** One evaluation of one compartment. */
-class SmoothEvaluation {
+/** The pressure law at the elements of a compartment. */
+class CellLaw {
  public:
-  SmoothEvaluation(const PairData& impl, const Compartment& c, const Pose& X_FM, bool withEnergy, bool withStiffness,
-                   CompartmentMemory& memory, unsigned stamp, NetLoad& load)
-      : impl_(impl), c_(c), X_FM_(X_FM), R_MF_(X_FM.R.transpose()), offset_M_(R_MF_ * X_FM.p), withEnergy_(withEnergy),
-        withStiffness_(withStiffness), memory_(memory), stamp_(stamp), load_(load) {
-    if (const auto* linear = std::get_if<LinearLayer>(&impl.law)) {
-      K_Pa_ = linear->K_Pa();
-      isLinear_ = impl.definition.strain == StrainMeasure::small;
+  CellLaw(const PairData& impl, const Compartment& c, const CompartmentMemory& memory) : impl_(impl), c_(c), memory_(memory) {
+    view_.shape = impl_.shape;
+    view_.respond = respond;
+    view_.self = this;
+    const auto* linear = std::get_if<LinearLayer>(&impl_.law);
+    if (linear != nullptr && impl_.definition.strain == StrainMeasure::small) {
+      view_.kind = LawView::linear;
+      view_.K_Pa = linear->K_Pa();
+    } else if (impl_.table) {
+      view_.kind = LawView::table;
+      view_.pieces = impl_.table->view();
+    } else {
+      view_.kind = LawView::other;
     }
-    series_ = std::get_if<SeriesLayers>(&impl.law);
   }
+  CellLaw(const CellLaw&) = delete;  // the view points to it
+  CellLaw& operator=(const CellLaw&) = delete;
 
-  int run(Matrix6* stiffness) {
-    memory_.active.clear();
-    memory_.nodes.clear();
-    findCells();
-    // Element order makes sums independent of how contact was found; only the search finds it in another one.
-    const auto inOrder = [](const Active& a, const Active& b) { return a.element < b.element; };
-    if (!std::is_sorted(memory_.active.begin(), memory_.active.end(), inOrder)) {
-      std::sort(memory_.active.begin(), memory_.active.end(), inOrder);
-    }
-    memory_.previous.clear();
-    for (const Active& a : memory_.active) memory_.previous.push_back(a.element);
-    integrate();
-    sumNodes(stiffness);
-    findPeak();
-    return static_cast<int>(memory_.nodes.size());
+  const LawView& view() const { return view_; }
+  double calcPressure(int element, double strain) const {
+    if (view_.kind == LawView::linear) return view_.K_Pa * strain;
+    double p[3];
+    respond(this, element, strain, p);
+    return p[0];
   }
 
  private:
+  static void respond(const void* self, int element, double strain, double* pressure) {
+    const auto& me = *static_cast<const CellLaw*>(self);
+    LayerResponse r;
+    if (const auto* series = std::get_if<SeriesLayers>(&me.impl_.law)) {
+      const auto i = static_cast<size_t>(element);
+      const double share = me.c_.hF_m[i] / me.memory_.field[i].h_m;  // of the fixed layer
+      r = series->calcResponse(strain, share, 1 - share);
+    } else if (const auto* linear = std::get_if<LinearLayer>(&me.impl_.law)) {
+      r = linear->calcResponse<true>(strain, 1.0);
+    } else {
+      r = std::get<PowerLawLayer>(me.impl_.law).calcResponse<true>(strain, 1.0);
+    }
+    pressure[0] = r.p_Pa;
+    pressure[1] = r.dpdd_PaPerM;
+    pressure[2] = r.energy_JPerM2;
+  }
+
+  const PairData& impl_;
+  const Compartment& c_;
+  const CompartmentMemory& memory_;
+  LawView view_{};
+};
+
+/** One evaluation of one compartment, in phases; those that take blocks may run on several threads. */
+class SmoothEvaluation {
+ public:
+  SmoothEvaluation(const PairData& impl, const Compartment& c, const EvaluationTask& task, CompartmentMemory& memory, NetLoad& load)
+      : impl_(impl), c_(c), task_(task), kernels_(activeCellKernels()), R_MF_(task.X_FM.R.transpose()),
+        offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl, c, memory) {
+    // A hole in the thickness map takes nodes out of use as feet move over it.
+    predictable_ = c.map == nullptr || !c.map->hasHoles();
+    grid_.stencil = c.stencil.data()->data();
+    grid_.place = c.place.data();
+    grid_.feet = memory.feet.data();
+    grid_.field = memory.field.data();
+    grid_.usable = memory.usable.data();
+    grid_.s = memory.s.data();
+    grid_.r = memory.r.data();
+    grid_.load = memory.load.data();
+    grid_.weight = memory.weight.data();
+    grid_.adjoint = memory.adjoint.data();
+    grid_.touched = memory.touched.data();
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(grid_.R) = task.X_FM.R;
+    grid_.corrected = impl.definition.correction == Correction::midsurface;
+    grid_.linear = law_.view().kind == LawView::linear;
+    grid_.K_Pa = law_.view().K_Pa;
+    grid_.damping_sPerM = impl.definition.damping_sPerM;
+    Eigen::Map<Vec3>(grid_.v) = task.v_F;
+    Eigen::Map<Vec3>(grid_.w) = task.w_F;
+  }
+  /** Finds the elements to look at and the nodes they need. Search modes query and test as they go. */
+  void findCandidates() {
+    memory_.tasks.clear();
+    memory_.nodes.clear();
+    memory_.candidates.clear();
+    moveMarks();
+    if (isSearch()) {
+      search();
+      if (impl_.definition.tracking == Tracking::breadthFirstUnguarded && !memory_.tasks.empty()) return;
+    }
+    firstNode_ = memory_.nodes.size();
+    const Tracking tracking = impl_.definition.tracking;
+    const bool exact = tracking != Tracking::all && tracking != Tracking::breadthFirstUnguarded;
+    for (int e = 0; e < c_.elements; ++e) {
+      if (exact && memory_.mark_m[static_cast<size_t>(e)] > memory_.way_m) continue;
+      if (isSearch() && memory_.visit[static_cast<size_t>(e)] == stamp_) continue;
+      if (exact && predictable_ && isClear(e)) continue;
+      memory_.candidates.push_back(e);
+      gatherNodes(e);
+    }
+  }
+
+  int numNodeBlocks() const { return (numNewNodes() + kNodesPerBlock - 1) / kNodesPerBlock; }
+  void queryBlock(int block) {
+    const size_t from = firstNode_ + static_cast<size_t>(block) * kNodesPerBlock;
+    query(from, std::min(from + kNodesPerBlock, memory_.nodes.size()));
+  }
+
+  /** Which candidates may be in contact. */
+  void testCandidates() {
+    const size_t searched = memory_.tasks.size();
+    test(memory_.candidates.data(), static_cast<int>(memory_.candidates.size()));
+    // Element order makes sums independent of how contact was found; only the search finds it in another one.
+    if (searched > 0) {
+      std::sort(memory_.tasks.begin(), memory_.tasks.end(), [](const CellTask& a, const CellTask& b) { return a.element < b.element; });
+    }
+    memory_.cellStride = task_.withStiffness ? kCellStride : kCellWeights;
+    if (memory_.cells.size() < memory_.tasks.size() * static_cast<size_t>(memory_.cellStride)) {
+      // Grows with the largest contact seen.
+      memory_.cells.resize(2 * memory_.tasks.size() * static_cast<size_t>(memory_.cellStride));
+    }
+  }
+
+  int numCellBlocks() const { return (static_cast<int>(memory_.tasks.size()) + kCellsPerBlock - 1) / kCellsPerBlock; }
+  void integrateBlock(int block) {
+    const int from = block * kCellsPerBlock, to = std::min(from + kCellsPerBlock, static_cast<int>(memory_.tasks.size()));
+    kernels_.integrate(grid_, law_.view(), memory_.tasks.data() + from, to - from, task_.withEnergy, task_.withStiffness,
+                       memory_.cells.data() + static_cast<size_t>(from) * static_cast<size_t>(memory_.cellStride));
+  }
+
+  void sum() {
+    std::fill(memory_.touched.begin(), memory_.touched.end(), 0ul);
+    const int count = static_cast<int>(memory_.tasks.size()), words = static_cast<int>(memory_.touched.size());
+    kernels_.scatter(grid_, memory_.tasks.data(), count, task_.withStiffness, memory_.cells.data());
+    NetSums total{};
+    kernels_.sum(grid_, words, task_.withEnergy, total);
+    load_.forceOnM_F = Vec3(total.force[0], total.force[1], total.force[2]);
+    load_.momentOnM_Fo_F = Vec3(total.moment[0], total.moment[1], total.moment[2]);
+    load_.scalarForce_N = total.scalar;
+    load_.area_m2 = total.area;
+    load_.energy_J = total.energy;
+    load_.meanPressure_Pa = total.area > 0 ? total.scalar / total.area : 0;
+    if (total.scalar > 0) {
+      load_.centerOfPressure_F = Vec3(total.weighted[0], total.weighted[1], total.weighted[2]) / total.scalar;
+    }
+    memory_.previous.clear();
+    for (int i = 0; i < count; ++i) {
+      if (!(memory_.cells[static_cast<size_t>(i) * static_cast<size_t>(memory_.cellStride) + 3] > 0)) continue;
+      ++load_.activeElements;
+      memory_.previous.push_back(memory_.tasks[static_cast<size_t>(i)].element);
+    }
+    if (task_.withStiffness) {
+      const bool varies = impl_.movingLayer == MovingLayer::map || impl_.movingLayer == MovingLayer::plane;
+      kernels_.sumStiffness(grid_, words, varies ? calcThicknessSlope : nullptr, this, stiffness_);
+    }
+    countNodes();
+    findPeak();
+  }
+
+  int numNewNodes() const { return static_cast<int>(memory_.nodes.size() - firstNode_); }
+  int numNodes() const { return static_cast<int>(memory_.nodes.size()); }
+  const StiffnessSums& stiffness() const { return stiffness_; }
+
+ private:
   Vec3 locate(int node) const { return R_MF_ * c_.p_FA[static_cast<size_t>(node)] - offset_M_; }
-  Vec3 toF(const double v[3]) const { return X_FM_.R * Vec3(v[0], v[1], v[2]); }
+  bool isSearch() const {
+    const Tracking tracking = impl_.definition.tracking;
+    return tracking == Tracking::breadthFirst || tracking == Tracking::breadthFirstUnguarded;
+  }
 
   // -- distance at nodes ----------------------------------------------------------------------------------------
 
@@ -79,499 +242,312 @@ class SmoothEvaluation {
     }
   }
 
-  void queryNodes(size_t from) {
-    const size_t count = memory_.nodes.size() - from;
-    for (size_t i = 0; i < count; ++i) {
-      const Vec3 p_MA = locate(memory_.nodes[from + i]);
-      std::copy(p_MA.data(), p_MA.data() + 3, memory_.query.data() + 3 * i);
+  /** Feet and fields of memory_.nodes[from .. to). */
+  void query(size_t from, size_t to) {
+    const int* nodes = memory_.nodes.data() + from;
+    double* Q = memory_.query.data() + 3 * from;
+    const int count = static_cast<int>(to - from);
+    for (int i = 0; i < count; ++i) {
+      const Vec3 p_MA = locate(nodes[i]);
+      std::copy(p_MA.data(), p_MA.data() + 3, Q + 3 * i);
     }
-    trackFeet(*c_.moving, memory_.query.data(), memory_.nodes.data() + from, static_cast<int>(count), memory_.feet.data());
-    for (size_t i = 0; i < count; ++i) setField(memory_.nodes[from + i]);
+    trackFeet(*c_.moving, Q, nodes, count, memory_.feet.data());
+    for (int i = 0; i < count; ++i) {
+      const auto k = static_cast<size_t>(nodes[i]);
+      const TrackedFoot& foot = memory_.feet[k];
+      const double hM = calcMovingThickness(foot);
+      memory_.field[k].hM_m = hM;
+      // Behind the surface but beyond its border there is no material.
+      memory_.usable[k] = foot.status != QueryStatus::notConverged && !std::isnan(hM) &&
+                          (foot.status == QueryStatus::converged || foot.distance_m > 0);
+    }
+    kernels_.setNodes(grid_, nodes, count);
   }
 
-  void setField(int node) {
-    const auto k = static_cast<size_t>(node);
-    const TrackedFoot& foot = memory_.feet[k];
-    NodeField& f = memory_.field[k];
-    memory_.weight[k] = memory_.weightArea[k] = memory_.weightEnergy[k] = 0;
-    const bool isElement = node < c_.elements;
-    f.usable = false;
-    f.s_m = -foot.distance_m;
-    if (foot.status == QueryStatus::notConverged) {
-      if (isElement) ++load_.notConvergedQueries;
-      return;
-    }
-    if (foot.status == QueryStatus::onBoundary) {
-      if (!(foot.distance_m > 0)) {  // behind the surface but beyond its border: there is no material
-        if (isElement) ++load_.boundaryElements;
-        return;
-      }
-      f.u_F = X_FM_.R * (Vec3(foot.p_MB[0], foot.p_MB[1], foot.p_MB[2]) - Vec3(foot.Q[0], foot.Q[1], foot.Q[2])) / foot.distance_m;
-    } else {
-      f.u_F = -toF(foot.normal);
-    }
-    double hM = 0;
+  double calcMovingThickness(const TrackedFoot& foot) const {
     switch (impl_.movingLayer) {
       case MovingLayer::none: break;
-      case MovingLayer::constant: hM = impl_.constantMoving_m; break;
-      case MovingLayer::plane:
-        hM = std::abs(foot.p_MB[1] - impl_.planeMovingY_m);
-        clampThickness(impl_.definition.movingThickness, hM);
-        break;
-      case MovingLayer::map: hM = c_.map->interpolate(SurfaceParameter{foot.patch, foot.u, foot.v}); break;
+      case MovingLayer::constant: return impl_.constantMoving_m;
+      case MovingLayer::plane: {
+        double h = std::abs(foot.p_MB[1] - impl_.planeMovingY_m);
+        clampThickness(impl_.definition.movingThickness, h);
+        return h;
+      }
+      case MovingLayer::map: return c_.map->interpolate(SurfaceParameter{foot.patch, foot.u, foot.v});
     }
-    if (std::isnan(hM)) {
-      if (isElement && f.s_m > 0) ++load_.noThicknessElements;
-      return;
-    }
-    f.usable = true;
-    f.hM_m = hM;
-    f.h_m = c_.hF_m[k] + hM;
-    const Vec3 sum = c_.normal_F[k] + f.u_F;
-    const double length = sum.norm(), cosTheta = c_.normal_F[k].dot(f.u_F);
-    if (impl_.definition.correction == Correction::midsurface && cosTheta > 0) {
-      f.length = length;
-      f.m_F = sum / length;
-      f.c = 2 / length;
-    } else {
-      f.length = 0;
-      f.m_F = f.u_F;
-      f.c = 1;
-    }
-    f.r = f.c / f.h_m;
-    if (isElement && f.s_m > 0) {
-      const double strain = f.s_m * f.r;
-      load_.fullPenetrationElements += !(cosTheta > 0) || !(strain < 1);
-      load_.extrapolatedElements += strain > kExtrapolationStrain;
-    }
+    return 0;
   }
 
-  // -- cells ----------------------------------------------------------------------------------------------------
-
-  int usableNeighbors(const std::array<int, 9>& stencil) const {
-    int mask = 0, corners = 0;
-    for (size_t k = 1; k < 9; ++k) {
-      if (stencil[k] < 0 || !memory_.field[static_cast<size_t>(stencil[k])].usable) continue;
-      if (k < 5) {
-        mask |= 1 << (k - 1);
-      } else {
-        ++corners;
+  /** What the queried elements' own nodes tell, for the status. */
+  void countNodes() {
+    for (const int node : memory_.nodes) {
+      if (node >= c_.elements) continue;
+      const auto k = static_cast<size_t>(node);
+      const TrackedFoot& foot = memory_.feet[k];
+      if (foot.status == QueryStatus::notConverged) {
+        ++load_.notConvergedQueries;
+      } else if (!(foot.distance_m > 0)) {
+        if (foot.status == QueryStatus::onBoundary) {
+          ++load_.boundaryElements;
+        } else if (!memory_.usable[k]) {
+          ++load_.noThicknessElements;
+        } else if (foot.distance_m < 0) {
+          const NodeField& f = memory_.field[k];
+          const double strain = memory_.s[k] * memory_.r[k];
+          const bool faces = c_.normal_F[k].dot(Vec3(f.u[0], f.u[1], f.u[2])) > 0;
+          load_.fullPenetrationElements += !faces || !(strain < 1);
+          load_.extrapolatedElements += strain > kExtrapolationStrain;
+        }
       }
     }
-    return corners == 4 ? mask | 16 : mask;
   }
 
-  /** Coefficients of s in an element; false where its centre cannot be used. */
-  bool calcCell(int e, double S[kMonomials], int& mask) const {
-    const auto& stencil = c_.stencil[static_cast<size_t>(e)];
-    if (!memory_.field[static_cast<size_t>(e)].usable) return false;
-    mask = usableNeighbors(stencil);
-    double s[kStencil];
-    for (size_t k = 0; k < kStencil; ++k) s[k] = stencil[k] >= 0 ? memory_.field[static_cast<size_t>(stencil[k])].s_m : 0;
-    calcCoefficients(s, mask, S);
-    return true;
-  }
+  // -- which cells ----------------------------------------------------------------------------------------------
 
-  /** Tests an element whose nodes are known; returns whether it may be in contact. */
-  bool testCell(int e, double motion) {
-    const auto i = static_cast<size_t>(e);
-    double S[kMonomials];
-    int mask = 0;
-    memory_.threshold_m[i] = -1;  // look again next time
-    if (!calcCell(e, S, mask)) return false;
-    const double bound = upperBound(S);
-    if (bound <= 0) {
-      // No node's s changes faster than it moves, and the polynomial by at most largestGain times that. A node that the cell
-      // could not use may become usable: then no promise is made.
-      if (mask == staticNeighbors(e)) memory_.threshold_m[i] = -bound / largestGain(mask) - motion;
-      return false;
+  void moveMarks() {
+    if (!memory_.hasLast) {
+      memory_.way_m = 0;
+      std::fill(memory_.mark_m.begin(), memory_.mark_m.end(), -1.0);
+    } else {
+      memory_.way_m += calcLargestMotion(c_.corner_F, task_.X_FM, memory_.last_FM);
     }
-    Active a;
-    a.element = e;
-    memory_.active.push_back(a);
-    return true;
+    memory_.last_FM = task_.X_FM;
+    memory_.hasLast = true;
   }
 
-  int staticNeighbors(int e) const {
+  /** No node's s changes faster than it moves, and the polynomial by at most largestGain times that. */
+  void setMark(size_t element, double bound, int mask) {
+    memory_.mark_m[element] = memory_.way_m - (1 - 1e-9) * bound / largestGain(mask);
+  }
+
+  /** True when the last feet of an element's nodes tell that it cannot be in contact. */
+  bool isClear(int e) {
     const auto& stencil = c_.stencil[static_cast<size_t>(e)];
-    int mask = 0, corners = 0;
-    for (size_t k = 1; k < 9; ++k) {
+    double s[kStencil], error = 0;
+    for (size_t k = 0; k < kStencil; ++k) {
+      s[k] = 0;
       if (stencil[k] < 0) continue;
-      if (k < 5) {
-        mask |= 1 << (k - 1);
-      } else {
-        ++corners;
-      }
-    }
-    return corners == 4 ? mask | 16 : mask;
-  }
-
-  void findCells() {
-    const Tracking tracking = impl_.definition.tracking;
-    const bool searches = tracking == Tracking::breadthFirst || tracking == Tracking::breadthFirstUnguarded;
-    double motion = 0;
-    if (!memory_.hasReference) {
-      memory_.reference_FM = X_FM_;
-      memory_.hasReference = true;
-      std::fill(memory_.threshold_m.begin(), memory_.threshold_m.end(), -1.0);
-    } else {
-      motion = calcLargestMotion(c_.corner_F, X_FM_, memory_.reference_FM);
-      // Far from the reference every threshold has been used up by the triangle inequality: take a new one.
-      if (motion > 0.25 * c_.cellSize_m) {
-        for (double& t : memory_.threshold_m) t -= motion;
-        memory_.reference_FM = X_FM_;
-        motion = 0;
-      }
-    }
-    if (searches) {
-      // Breadth-first from every element that was active, outward to a ring of inactive ones [BF2004 §2.2].
-      for (const int start : memory_.previous) {
-        if (memory_.visit[static_cast<size_t>(start)] == stamp_) continue;
-        memory_.queue.clear();
-        memory_.queue.push_back(start);
-        memory_.visit[static_cast<size_t>(start)] = stamp_;
-        for (size_t head = 0; head < memory_.queue.size(); ++head) {
-          const int e = memory_.queue[head];
-          const size_t from = memory_.nodes.size();
-          gatherNodes(e);
-          queryNodes(from);
-          if (!testCell(e, motion)) continue;
-          for (const int next : c_.stencil[static_cast<size_t>(e)]) {
-            if (next < 0 || next >= c_.elements || memory_.visit[static_cast<size_t>(next)] == stamp_) continue;
-            memory_.visit[static_cast<size_t>(next)] = stamp_;
-            memory_.queue.push_back(next);
+      const auto node = static_cast<size_t>(stencil[k]);
+      double* prediction = memory_.prediction.data() + 2 * node;
+      if (memory_.nodePredicted[node] != stamp_) {
+        memory_.nodePredicted[node] = stamp_;
+        prediction[1] = -1;
+        if (memory_.usable[node]) {
+          const Vec3 p_MA = locate(stencil[k]);
+          double distance_m = 0, error_m = 0;
+          if (c_.predictor->predict(memory_.feet[node], p_MA.data(), distance_m, error_m)) {
+            prediction[0] = -distance_m;
+            prediction[1] = error_m;
           }
         }
       }
-      if (tracking == Tracking::breadthFirstUnguarded && !memory_.active.empty()) return;
+      if (prediction[1] < 0) return false;
+      s[k] = prediction[0];
+      error = std::max(error, prediction[1]);
     }
-    const bool exact = tracking != Tracking::all && tracking != Tracking::breadthFirstUnguarded;
-    memory_.candidates.clear();
-    for (int e = 0; e < c_.elements; ++e) {
-      if (exact && memory_.threshold_m[static_cast<size_t>(e)] > motion) continue;
-      if (searches && memory_.visit[static_cast<size_t>(e)] == stamp_) continue;
-      memory_.candidates.push_back(e);
-    }
-    const size_t from = memory_.nodes.size();
-    for (const int e : memory_.candidates) gatherNodes(e);
-    queryNodes(from);
-    for (const int e : memory_.candidates) testCell(e, motion);
-  }
-
-  /** P, dP/dstrain and energy density of the law at one element. */
-  auto response(int e) const {
-    const auto i = static_cast<size_t>(e);
-    const double share = c_.hF_m[i] / memory_.field[i].h_m;  // of the fixed layer, layers in series
-    return [this, share](double strain, double& p, double& dp, double& energy) {
-      if (isLinear_) {
-        p = K_Pa_ * strain;
-        dp = K_Pa_;
-        energy = 0.5 * p * strain;
-      } else if (impl_.table) {
-        impl_.table->calcResponse<true>(strain, p, dp, energy);
-      } else {
-        LayerResponse r;
-        if (series_) {
-          r = series_->calcResponse(strain, share, 1 - share);
-        } else {
-          r = std::visit([&](const auto& law) { return callLaw(law, strain); }, impl_.law);
-        }
-        p = r.p_Pa;
-        dp = r.dpdd_PaPerM;
-        energy = r.energy_JPerM2;
-      }
-    };
-  }
-  template <class Law>
-  static LayerResponse callLaw(const Law& law, double strain) {
-    if constexpr (std::is_same_v<Law, SeriesLayers>) {
-      return law.calcResponse(strain, 0.5, 0.5);  // not reached: series have their own branch
-    } else {
-      return law.template calcResponse<true>(strain, 1.0);
-    }
-  }
-
-  void integrate() {
-    if (withStiffness_) {
-      for (const int k : memory_.nodes) {
-        memory_.adjointS[static_cast<size_t>(k)].fill(0);
-        memory_.adjointR[static_cast<size_t>(k)].fill(0);
-      }
-    }
-    size_t kept = 0;
-    for (size_t i = 0; i < memory_.active.size(); ++i) {
-      Active& a = memory_.active[i];
-      if (integrateCell(a)) memory_.active[kept++] = a;
-    }
-    memory_.active.resize(kept);
-  }
-
-  bool integrateCell(Active& a) {
-    const int e = a.element;
-    const auto center = static_cast<size_t>(e);
-    const auto& stencil = c_.stencil[center];
+    const int mask = c_.neighbors[static_cast<size_t>(e)];
     double S[kMonomials];
-    int mask = 0;
-    calcCell(e, S, mask);
-    const StencilWeights& T = stencilWeights(mask);
-    CellMoments m;
-    const bool full = lowerBound(S) >= 0;
-    if (full) {
-      std::copy(std::begin(kFullArea), std::end(kFullArea), m.area);
-    } else {
-      calcRimArea(S, m.area);
-      if (!(m.area[0] > 0)) return false;
-    }
-    const NodeField& f = memory_.field[center];
-    double R[kSmooth] = {};
-    if (!isLinear_ || withEnergy_) {
-      for (int k = 0; k < kSmooth; ++k) {
-        for (size_t n = 0; n < 5; ++n) {
-          if (T.T[k][n] != 0) R[k] += T.T[k][n] * memory_.field[static_cast<size_t>(stencil[n])].r;
-        }
-      }
-    }
-    if (isLinear_) {
-      calcLinearMoments(S, m.area, m.pressure);
-      if (withEnergy_) {
-        CellMoments points;
-        calcLawMoments<true, false>(S, R, full, false, response(e), points);
-        std::copy(std::begin(points.energy), std::end(points.energy), m.energy);
-      }
-    } else {
-      // The law bends on the scale of the strain itself: cells near the rim need more points.
-      const double range = (0.5 * (std::abs(S[1]) + std::abs(S[2]))) * f.r;
-      const bool curved = range > 0.1 * std::max(S[0] * f.r, 0.0);
-      const auto law = response(e);
-      if (withStiffness_) {
-        withEnergy_ ? calcLawMoments<true, true>(S, R, full, curved, law, m) : calcLawMoments<false, true>(S, R, full, curved, law, m);
-      } else {
-        withEnergy_ ? calcLawMoments<true, false>(S, R, full, curved, law, m) : calcLawMoments<false, false>(S, R, full, curved, law, m);
-      }
-    }
-
-    // Scatter to nodes: int p g = sum_k weight_k g_k.
-    double share = 0, force = 0;
-    for (size_t n = 0; n < 5; ++n) {
-      double w = 0, wArea = 0, wEnergy = 0;
-      for (int k = 0; k < kSmooth; ++k) {
-        const double t = T.T[k][n];
-        if (t == 0) continue;
-        w += t * m.pressure[k];
-        wArea += t * m.area[momentIndex(kPowers[k][0], kPowers[k][1])];
-        if (withEnergy_) wEnergy += t * m.energy[k];
-      }
-      if (stencil[n] < 0) continue;
-      const auto node = static_cast<size_t>(stencil[n]);
-      memory_.weight[node] += w;
-      memory_.weightArea[node] += wArea;
-      if (withEnergy_) memory_.weightEnergy[node] += wEnergy;
-      share += wArea * c_.area_m2[node];
-      force += w * c_.area_m2[node] * (isLinear_ ? K_Pa_ * memory_.field[node].r : 1);
-    }
-    a.share = share / c_.area_m2[center];
-    a.force_N = force;
-    a.h_m = f.h_m;
-    a.hM_m = f.hM_m;
-    a.direction_F = f.m_F;
-    a.d_m = std::max(0.0, f.s_m * f.c);
-    if (f.s_m > 0) {
-      double p = 0, dp = 0, energy = 0;
-      response(e)(f.s_m * f.r, p, dp, energy);
-      a.p_Pa = p;
-    }
-    if (withStiffness_) addAdjoints(T, stencil, m);
+    calcCoefficients(s, mask, S);
+    const double bound = upperBound(S) + largestGain(mask) * error;
+    if (bound >= 0) return false;
+    setMark(static_cast<size_t>(e), bound, mask);
     return true;
   }
 
-  /** d(load)/d(s at a node) and d(load)/d(r at a node), as wrenches. */
-  void addAdjoints(const StencilWeights& T, const std::array<int, 9>& stencil, const CellMoments& m) {
-    Eigen::Matrix<double, 6, kSmooth> G = Eigen::Matrix<double, 6, kSmooth>::Zero();
-    for (size_t n = 0; n < 5; ++n) {
-      if (stencil[n] < 0) continue;
-      const auto node = static_cast<size_t>(stencil[n]);
-      const NodeField& f = memory_.field[node];
-      if (!f.usable) continue;
-      const Vector6 g = wrench(f.m_F * (c_.area_m2[node] * (isLinear_ ? K_Pa_ * f.r : 1)), c_.p_FA[node]);
-      for (int k = 0; k < kSmooth; ++k) {
-        if (T.T[k][n] != 0) G.col(k) += T.T[k][n] * g;
+  /** Tests elements whose nodes are known; returns how many may be in contact. */
+  int test(const int* elements, int count) {
+    const size_t before = memory_.tasks.size();
+    memory_.tasks.resize(before + static_cast<size_t>(count) + 1);  // the kernel may write one past the last
+    const int found = kernels_.testCells(grid_, elements, count, memory_.candidateBound.data(), memory_.candidateMask.data(),
+                                         memory_.tasks.data() + before);
+    memory_.tasks.resize(before + static_cast<size_t>(found));
+    for (int i = 0; i < count; ++i) {
+      const auto e = static_cast<size_t>(elements[i]);
+      const int mask = memory_.candidateMask[static_cast<size_t>(i)];
+      memory_.mark_m[e] = -1;  // look again next time
+      // A node that the cell could not use may become usable: then no promise is made.
+      if (mask == c_.neighbors[e] && memory_.candidateBound[static_cast<size_t>(i)] <= 0) {
+        setMark(e, memory_.candidateBound[static_cast<size_t>(i)], mask);
       }
     }
-    const double* slopeR = isLinear_ ? m.area : m.slopeR;
-    const auto contract = [&](const double* moments, int monomial) {
-      Vector6 sum = Vector6::Zero();
-      for (int k = 0; k < kSmooth; ++k) {
-        sum += moments[momentIndex(kPowers[k][0] + kPowers[monomial][0], kPowers[k][1] + kPowers[monomial][1])] * G.col(k);
-      }
-      return sum;
-    };
-    for (int c = 0; c < kMonomials; ++c) {
-      const Vector6 byS = contract(slopeR, c);
-      for (size_t n = 0; n < kStencil; ++n) {
-        if (T.T[c][n] == 0) continue;
-        Eigen::Map<Vector6>(memory_.adjointS[static_cast<size_t>(stencil[n])].data()) += T.T[c][n] * byS;
-      }
-    }
-    if (isLinear_) return;
-    for (int k = 0; k < kSmooth; ++k) {
-      const Vector6 byR = contract(m.slopeS, k);
-      for (size_t n = 0; n < 5; ++n) {
-        if (T.T[k][n] == 0) continue;
-        Eigen::Map<Vector6>(memory_.adjointR[static_cast<size_t>(stencil[n])].data()) += T.T[k][n] * byR;
+    return found;
+  }
+
+  /** Breadth-first from every element that was active, outward to a ring of inactive ones [BF2004 §2.2]. */
+  void search() {
+    for (const int start : memory_.previous) {
+      if (memory_.visit[static_cast<size_t>(start)] == stamp_) continue;
+      memory_.queue.clear();
+      memory_.queue.push_back(start);
+      memory_.visit[static_cast<size_t>(start)] = stamp_;
+      for (size_t head = 0; head < memory_.queue.size(); ++head) {
+        const int e = memory_.queue[head];
+        const size_t from = memory_.nodes.size();
+        gatherNodes(e);
+        query(from, memory_.nodes.size());
+        if (test(&e, 1) == 0) continue;
+        for (const int next : c_.stencil[static_cast<size_t>(e)]) {
+          if (next < 0 || next >= c_.elements || memory_.visit[static_cast<size_t>(next)] == stamp_) continue;
+          memory_.visit[static_cast<size_t>(next)] = stamp_;
+          memory_.queue.push_back(next);
+        }
       }
     }
   }
 
   // -- sums -----------------------------------------------------------------------------------------------------
 
-  void sumNodes(Matrix6* stiffness) {
-    Vec3 force = Vec3::Zero(), moment = Vec3::Zero(), weighted = Vec3::Zero();
-    double scalar = 0, area = 0, energy = 0;
-    // Ascending node order, whatever the order of queries was.
-    for (size_t k = 0; k < c_.numNodes(); ++k) {
-      if (memory_.nodeVisit[k] != stamp_) continue;
-      const double wArea = memory_.weightArea[k], w = memory_.weight[k];
-      if (w == 0 && wArea == 0) continue;
-      const NodeField& f = memory_.field[k];
-      const double a = c_.area_m2[k];
-      const double p = w * a * (isLinear_ ? K_Pa_ * f.r : 1);
-      const Vec3 fVector = p * f.m_F;
-      force += fVector;
-      moment += c_.p_FA[k].cross(fVector);
-      weighted += p * c_.p_FA[k];
-      scalar += p;
-      area += wArea * a;
-      if (withEnergy_) energy += memory_.weightEnergy[k] * a * f.h_m;
-    }
-    load_.forceOnM_F = force;
-    load_.momentOnM_Fo_F = moment;
-    load_.scalarForce_N = scalar;
-    load_.area_m2 = area;
-    load_.energy_J = energy;
-    load_.activeElements = static_cast<int>(memory_.active.size());
-    load_.meanPressure_Pa = area > 0 ? scalar / area : 0;
-    load_.centerOfPressure_F = scalar > 0 ? Vec3(weighted / scalar) : Vec3(Vec3::Zero());
-    if (withStiffness_) addStiffness(*stiffness);
-  }
-
-  /** Derivatives with respect to a small motion (v, w) of M at Fo: point A moves by -(v + w x A) in M. */
-  void addStiffness(Matrix6& stiffness) const {
-    for (size_t k = 0; k < c_.numNodes(); ++k) {
-      if (memory_.nodeVisit[k] != stamp_) continue;
-      const double weight = memory_.weight[k];
-      const auto& byS = memory_.adjointS[k];
-      const bool touched = weight != 0 || std::any_of(byS.begin(), byS.end(), [](double x) { return x != 0; });
-      if (!touched) continue;
-      const NodeField& f = memory_.field[k];
-      const TrackedFoot& foot = memory_.feet[k];
-      const Vec3& A = c_.p_FA[k];
-      const Vector6 ds = -wrench(f.u_F, A);
-      stiffness.noalias() += Eigen::Map<const Vector6>(byS.data()) * ds.transpose();
-
-      Mat3 W = Mat3::Zero();  // Hessian of the signed distance, in F
+  static bool calcThicknessSlope(const void* self, int node, double out[3]) {
+    const auto& me = *static_cast<const SmoothEvaluation*>(self);
+    const TrackedFoot& foot = me.memory_.feet[static_cast<size_t>(node)];
+    const Mat3& R = me.task_.X_FM.R;
+    Vec3 slope_M;
+    const auto row = [](const double* a) { return Vec3(a[0], a[1], a[2]); };
+    if (me.impl_.movingLayer == MovingLayer::map) {
+      double dhdu = 0, dhdv = 0;
+      me.c_.map->interpolate(foot.patch, foot.u, foot.v, dhdu, dhdv);
+      slope_M = dhdu * row(foot.duvdQ) + dhdv * row(foot.duvdQ + 3);
+    } else {
+      double clamped = std::abs(foot.p_MB[1] - me.impl_.planeMovingY_m);
+      if (clampThickness(me.impl_.definition.movingThickness, clamped)) return false;
+      // B = Q - phi n, so dB_y/dQ = e_y - n_y n - phi H e_y, H = nu (x) ju + nv (x) jv.
+      slope_M = Vec3::UnitY() - foot.normal[1] * row(foot.normal);
       if (foot.status == QueryStatus::converged) {
-        const Vec3 nu(foot.nu[0], foot.nu[1], foot.nu[2]), nv(foot.nv[0], foot.nv[1], foot.nv[2]);
-        const Vec3 ju(foot.duvdQ[0], foot.duvdQ[1], foot.duvdQ[2]), jv(foot.duvdQ[3], foot.duvdQ[4], foot.duvdQ[5]);
-        W.noalias() = (X_FM_.R * nu) * (X_FM_.R * ju).transpose() + (X_FM_.R * nv) * (X_FM_.R * jv).transpose();
+        slope_M -= foot.distance_m * (row(foot.nu) * foot.duvdQ[1] + row(foot.nv) * foot.duvdQ[4]);
       }
-      const Mat3 Ax = crossMatrix(A);
-      Matrix36 du;
-      du.leftCols<3>() = W;
-      du.rightCols<3>() = -crossMatrix(f.u_F) - W * Ax;
-      Matrix36 dm = du;
-      Eigen::Matrix<double, 1, 6> dr = Eigen::Matrix<double, 1, 6>::Zero();
-      if (f.length > 0) {
-        const Eigen::Matrix<double, 1, 6> along = f.m_F.transpose() * du;
-        dm = (du - f.m_F * along) / f.length;
-        dr = along * (-2 / (f.length * f.length) / f.h_m);
-      }
-      Vec3 slopeH = Vec3::Zero();  // of the moving layer with respect to the query point, in F
-      if (impl_.movingLayer == MovingLayer::map) {
-        double dhdu = 0, dhdv = 0;
-        c_.map->interpolate(foot.patch, foot.u, foot.v, dhdu, dhdv);
-        slopeH = X_FM_.R * Vec3(dhdu * foot.duvdQ[0] + dhdv * foot.duvdQ[3], dhdu * foot.duvdQ[1] + dhdv * foot.duvdQ[4],
-                                dhdu * foot.duvdQ[2] + dhdv * foot.duvdQ[5]);
-      } else if (impl_.movingLayer == MovingLayer::plane) {
-        double clamped = std::abs(foot.p_MB[1] - impl_.planeMovingY_m);
-        if (!clampThickness(impl_.definition.movingThickness, clamped)) {
-          // B = Q - phi n, so dB_y/dQ = e_y - n_y n - phi W e_y.
-          const Vec3 y_F = X_FM_.R.col(1), n_F = -f.u_F;
-          slopeH = (y_F - foot.normal[1] * n_F - foot.distance_m * (W * y_F)) * (foot.p_MB[1] > impl_.planeMovingY_m ? 1.0 : -1.0);
-        }
-      }
-      if (!slopeH.isZero(0)) dr += wrench(slopeH, A).transpose() * (f.r / f.h_m);
-
-      const double scale = weight * c_.area_m2[k];
-      Matrix36 df;
-      if (isLinear_) {
-        df = (scale * K_Pa_) * (f.r * dm + f.m_F * dr);
-      } else {
-        df = scale * dm;
-        stiffness.noalias() += Eigen::Map<const Vector6>(memory_.adjointR[k].data()) * dr;
-      }
-      stiffness.topRows<3>() += df;
-      stiffness.bottomRows<3>().noalias() += Ax * df;
+      if (!(foot.p_MB[1] > me.impl_.planeMovingY_m)) slope_M = -slope_M;
     }
+    const Vec3 slope = R * slope_M;
+    std::copy(slope.data(), slope.data() + 3, out);
+    return true;
   }
 
   /** Largest point value of the strain field; the pressure grows with it. */
   void findPeak() {
-    double best = 0;
-    for (const Active& a : memory_.active) {
-      const NodeField& f = memory_.field[static_cast<size_t>(a.element)];
-      best = std::max(best, f.s_m * f.r);
+    PeakStrain peak;
+    kernels_.findPeak(grid_, memory_.tasks.data(), static_cast<int>(memory_.tasks.size()), peak);
+    if (peak.element < 0) return;
+    load_.maxStrain = peak.strain;
+    const auto& stencil = c_.stencil[static_cast<size_t>(peak.element)];
+    const StencilWeights& T = stencilWeights(peak.mask);
+    const double monomial[kMonomials] = {1, peak.xi, peak.eta, peak.xi * peak.xi, peak.eta * peak.eta, peak.xi * peak.eta};
+    double factor = 0;
+    for (size_t n = 0; n < kStencil; ++n) {
+      double w = 0;
+      for (int c = 0; c < kMonomials; ++c) w += T.T[c][n] * monomial[c];
+      if (w == 0) continue;
+      load_.peakPoint_F += w * c_.p_FA[static_cast<size_t>(stencil[n])];
+      factor += w * memory_.field[static_cast<size_t>(stencil[n])].factor;
     }
-    for (const Active& a : memory_.active) {
-      const auto i = static_cast<size_t>(a.element);
-      const auto& stencil = c_.stencil[i];
-      double strain[kStencil], E[kMonomials];
-      for (size_t n = 0; n < kStencil; ++n) {
-        const bool known = stencil[n] >= 0 && memory_.field[static_cast<size_t>(stencil[n])].usable;
-        strain[n] = known ? memory_.field[static_cast<size_t>(stencil[n])].s_m * memory_.field[static_cast<size_t>(stencil[n])].r : 0;
-      }
-      const int mask = usableNeighbors(stencil);
-      calcCoefficients(strain, mask, E);
-      if (!(upperBound(E) > best) && !(E[0] >= best)) continue;
-      double xi = 0, eta = 0;
-      const double peak = findMaximum(E, xi, eta);
-      if (!(peak > 0) || (peak < best && load_.peakPressure_Pa > 0)) continue;
-      best = std::max(best, peak);
-      double p = 0, dp = 0, energy = 0;
-      response(a.element)(peak, p, dp, energy);
-      if (p < load_.peakPressure_Pa) continue;
-      load_.peakPressure_Pa = p;
-      load_.maxStrain = peak;
-      const StencilWeights& T = stencilWeights(mask);
-      const double monomial[kMonomials] = {1, xi, eta, xi * xi, eta * eta, xi * eta};
-      load_.peakPoint_F.setZero();
-      for (size_t n = 0; n < kStencil; ++n) {
-        double w = 0;
-        for (int c = 0; c < kMonomials; ++c) w += T.T[c][n] * monomial[c];
-        if (w != 0) load_.peakPoint_F += w * c_.p_FA[static_cast<size_t>(stencil[n])];
-      }
-    }
+    load_.peakPressure_Pa = law_.calcPressure(peak.element, peak.strain) * std::max(0.0, factor);
   }
 
   const PairData& impl_;
   const Compartment& c_;
-  const Pose& X_FM_;
+  const EvaluationTask& task_;
+  const CellKernels& kernels_;
   const Mat3 R_MF_;
   const Vec3 offset_M_;
-  const bool withEnergy_, withStiffness_;
   CompartmentMemory& memory_;
   const unsigned stamp_;
   NetLoad& load_;
-  double K_Pa_ = 0;
-  bool isLinear_ = false;
-  const SeriesLayers* series_ = nullptr;
+  CellLaw law_;
+  bool predictable_ = false;
+  size_t firstNode_ = 0;
+  CellGrid grid_{};
+  StiffnessSums stiffness_{};
 };
 
 }  // namespace
 
-void ContactPair::Impl::evaluateSmooth(const Compartment& c, const Pose& X_FM, bool withEnergy, CompartmentMemory& memory, unsigned stamp,
-                                       NetLoad& load, int& queries, Matrix6* stiffness) const {
-  SmoothEvaluation evaluation(*this, c, X_FM, withEnergy, stiffness != nullptr, memory, stamp, load);
-  queries += evaluation.run(stiffness);
+void ContactPair::Impl::packCompartment(Compartment& c) {
+  c.place.resize(kPlaceStride * c.numNodes());
+  for (size_t k = 0; k < c.numNodes(); ++k) {
+    double* place = c.place.data() + kPlaceStride * k;
+    for (int j = 0; j < 3; ++j) {
+      place[j] = c.p_FA[k][j];
+      place[4 + j] = c.normal_F[k][j];
+    }
+    place[3] = c.area_m2[k];
+    place[7] = c.hF_m[k];
+  }
+  c.neighbors.resize(c.size());
+  for (size_t e = 0; e < c.size(); ++e) {
+    int mask = 0, corners = 0;
+    for (size_t k = 1; k < 9; ++k) {
+      if (c.stencil[e][k] < 0) continue;
+      k < 5 ? mask |= 1 << (k - 1) : ++corners;
+    }
+    c.neighbors[e] = static_cast<unsigned char>(corners == 4 ? mask | 16 : mask);
+  }
+}
+
+void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory& m) {
+  const size_t nodes = c.numNodes(), n = c.size();
+  m.feet.resize(nodes);
+  m.nodeVisit.resize(nodes);
+  m.usable.resize(nodes);
+  m.field.resize(nodes);
+  m.s.resize(nodes);
+  m.r.resize(nodes);
+  m.load.resize(kLoadStride * nodes);
+  m.weight.resize(kWeightStride * nodes);
+  m.adjoint.resize(kAdjointStride * nodes);
+  m.touched.resize((nodes + 63) / 64);
+  m.nodes.reserve(nodes);
+  m.query.resize(3 * nodes);
+  m.nodePredicted.resize(nodes);
+  m.prediction.resize(2 * nodes);
+  m.candidates.reserve(n);
+  m.candidateMask.resize(n);
+  m.candidateBound.resize(n);
+  m.tasks.reserve(n + 1);
+  m.mark_m.resize(n);
+}
+
+void ContactPair::Impl::evaluateSmooth(std::vector<CompartmentMemory>& memory, EvaluationTask& task) const {
+  for (size_t k = 0; k < compartments.size(); ++k) {
+    SmoothEvaluation e(*this, compartments[k], task, memory[k], task.loads[k]);
+    e.findCandidates();
+    for (int i = 0; i < e.numNodeBlocks(); ++i) e.queryBlock(i);
+    e.testCandidates();
+    for (int i = 0; i < e.numCellBlocks(); ++i) e.integrateBlock(i);
+    e.sum();
+    *task.queries += e.numNodes();
+    if (task.withStiffness) {
+      using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
+      task.byMotion += Eigen::Map<const Rows>(e.stiffness().byMotion).leftCols<6>();
+      task.byRate += Eigen::Map<const Rows>(e.stiffness().byRate).leftCols<6>();
+    }
+  }
+}
+
+void ContactPair::Impl::calcSmoothFields(const Compartment& c, const CompartmentMemory& memory, std::vector<ElementField>& fields) const {
+  const CellLaw cellLaw(*this, c, memory);
+  for (size_t i = 0; i < memory.tasks.size(); ++i) {
+    const double* cell = memory.cells.data() + i * static_cast<size_t>(memory.cellStride);
+    if (!(cell[3] > 0)) continue;
+    const int element = memory.tasks[i].element;
+    const auto k = static_cast<size_t>(element);
+    ElementField& out = fields[k];
+    const NodeField& f = memory.field[k];
+    double area = 0;
+    for (size_t n = 0; n < 5; ++n) {
+      const int node = c.stencil[k][n];
+      if (node < 0 || (cell[4 * n] == 0 && cell[4 * n + 1] == 0)) continue;
+      const double* load = memory.load.data() + kLoadStride * node;
+      out.force_N += cell[4 * n] * load[6];
+      area += cell[4 * n + 1] * load[11];
+    }
+    out.contactShare = area / c.area_m2[k];
+    out.h_m = f.h_m;
+    out.forceDirection_F = Vec3(f.m[0], f.m[1], f.m[2]);
+    out.active = true;
+    if (memory.s[k] > 0) {
+      out.d_m = memory.s[k] * f.c;
+      out.p_Pa = cellLaw.calcPressure(element, memory.s[k] * memory.r[k]) * f.factor;
+    }
+  }
 }
 
 }  // namespace genu::contact

@@ -67,7 +67,7 @@ JointCoordinates wander(int i, double height) {
 }
 
 void evaluate(benchmark::State& state, bool dished, Material material, StrainMeasure strain, Tracking tracking, bool contact, int n = 30,
-              bool withEnergy = false) {
+              bool withEnergy = false, bool withStiffness = false) {
   static std::map<bool, double> heights;  // by shape
   if (heights.count(dished) == 0) heights[dished] = findHeight(ContactPair(makeKnee(30, dished, uhmwpe(), StrainMeasure::small)), 300);
   const double height = heights[dished] + (contact ? 0 : 0.005);
@@ -79,7 +79,7 @@ void evaluate(benchmark::State& state, bool dished, Material material, StrainMea
   int i = 0;
   long queries = 0, active = 0;
   for (auto _ : state) {
-    pair.evaluate(wander(i++, height), workspace, {withEnergy}, r);
+    pair.evaluate(wander(i++, height), workspace, {withEnergy, withStiffness}, r);
     benchmark::DoNotOptimize(r.total.forceOnM_F);
     queries += r.distanceQueries;
     active += r.total.activeElements;
@@ -105,6 +105,9 @@ void evaluate(benchmark::State& state, bool dished, Material material, StrainMea
 GENU_EVALUATE(flat_linear, false, uhmwpe(), StrainMeasure::small, Tracking::lipschitz, true);
 GENU_EVALUATE(dished_linear, true, uhmwpe(), StrainMeasure::small, Tracking::lipschitz, true);
 GENU_EVALUATE(dished_linear_energy, true, uhmwpe(), StrainMeasure::small, Tracking::lipschitz, true, 30, true);
+GENU_EVALUATE(flat_linear_stiffness, false, uhmwpe(), StrainMeasure::small, Tracking::lipschitz, true, 30, false, true);
+GENU_EVALUATE(dished_linear_stiffness, true, uhmwpe(), StrainMeasure::small, Tracking::lipschitz, true, 30, false, true);
+GENU_EVALUATE(dished_power_n3_stiffness, true, uhmwpePowerLaw(), StrainMeasure::small, Tracking::lipschitz, true, 30, false, true);
 GENU_EVALUATE(dished_log, true, uhmwpe(), StrainMeasure::large, Tracking::lipschitz, true);
 GENU_EVALUATE(dished_power_n3, true, uhmwpePowerLaw(), StrainMeasure::small, Tracking::lipschitz, true);
 GENU_EVALUATE(dished_breadth_first, true, uhmwpe(), StrainMeasure::small, Tracking::breadthFirst, true);

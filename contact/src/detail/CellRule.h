@@ -9,12 +9,19 @@
 // nodes. P(0) = 0, so that the moving rim adds nothing to the derivative of M: the net load is C1 in the pose.
 //
 // Order of the nodes of a stencil: C, E (+x), W, N (+z), S, NE, NW, SE, SW. Order of monomials: 1, xi, eta, xi^2, eta^2, xi eta.
+//
+// This file is compiled once per instruction set (CellKernel.h). Everything has internal linkage and no library header is
+// included, so that code for one processor cannot take the place of the same function elsewhere.
 
-#include <algorithm>
-#include <array>
-#include <cmath>
+#include "CellKernel.h"
 
 namespace genu::contact::detail {
+namespace {
+
+inline double absolute(double x) { return __builtin_fabs(x); }
+inline double larger(double a, double b) { return a > b ? a : b; }
+inline double smaller(double a, double b) { return a < b ? a : b; }
+inline double clampToCell(double x) { return smaller(0.5, larger(-0.5, x)); }
 
 constexpr int kStencil = 9;       // nodes
 constexpr int kMonomials = 6;     // of s
@@ -26,44 +33,17 @@ constexpr int momentIndex(int a, int b) { return (a + b) * (a + b + 1) / 2 + b; 
 /** Which neighbors of a cell can be used: bit 0 E, 1 W, 2 N, 3 S, 4 all four corners. */
 constexpr int kAllNeighbors = 31;
 
-/** Weights T[monomial][node] of a stencil whose neighbors are given by `mask`: central differences where both neighbors
+}  // namespace
+
+/** Weights T[monomial][node] of a stencil whose neighbors are given by a mask: central differences where both neighbors
  exist, one-sided first differences where one does, nothing where none does. */
 struct StencilWeights {
-  double T[kMonomials][kStencil];
+  double T[6][9];
 };
-inline StencilWeights makeStencilWeights(int mask) {
-  StencilWeights w{};
-  w.T[0][0] = 1;
-  for (int axis = 0; axis < 2; ++axis) {
-    const int plus = 1 + 2 * axis, minus = 2 + 2 * axis;
-    const bool hasPlus = (mask >> (2 * axis)) & 1, hasMinus = (mask >> (2 * axis + 1)) & 1;
-    double* first = w.T[1 + axis];
-    double* second = w.T[3 + axis];
-    if (hasPlus && hasMinus) {
-      first[plus] = 0.5;
-      first[minus] = -0.5;
-      second[plus] = second[minus] = 0.5;
-      second[0] = -1;
-    } else if (hasPlus || hasMinus) {
-      const double sign = hasPlus ? 1 : -1;
-      first[hasPlus ? plus : minus] = sign;
-      first[0] = -sign;
-    }
-  }
-  if (mask & 16) {
-    w.T[5][5] = w.T[5][8] = 0.25;
-    w.T[5][6] = w.T[5][7] = -0.25;
-  }
-  return w;
-}
-inline const StencilWeights& stencilWeights(int mask) {
-  static const std::array<StencilWeights, 32> table = [] {
-    std::array<StencilWeights, 32> t{};
-    for (int m = 0; m < 32; ++m) t[static_cast<size_t>(m)] = makeStencilWeights(m);
-    return t;
-  }();
-  return table[static_cast<size_t>(mask)];
-}
+/** One of the 32 tables, made once. */
+const StencilWeights& stencilWeights(int mask);
+
+namespace {
 
 /** Coefficients of s from the nodes' values. */
 inline void calcCoefficients(const double* s, int mask, double S[kMonomials]) {
@@ -90,10 +70,10 @@ inline double evaluateAt(const double* S, double xi, double eta) {
 }
 /** Bounds of s over the cell. */
 inline double upperBound(const double S[kMonomials]) {
-  return S[0] + 0.5 * (std::abs(S[1]) + std::abs(S[2])) + 0.25 * (std::max(S[3], 0.0) + std::max(S[4], 0.0) + std::abs(S[5]));
+  return S[0] + 0.5 * (absolute(S[1]) + absolute(S[2])) + 0.25 * (larger(S[3], 0.0) + larger(S[4], 0.0) + absolute(S[5]));
 }
 inline double lowerBound(const double S[kMonomials]) {
-  return S[0] - 0.5 * (std::abs(S[1]) + std::abs(S[2])) + 0.25 * (std::min(S[3], 0.0) + std::min(S[4], 0.0) - std::abs(S[5]));
+  return S[0] - 0.5 * (absolute(S[1]) + absolute(S[2])) + 0.25 * (smaller(S[3], 0.0) + smaller(S[4], 0.0) - absolute(S[5]));
 }
 /** Largest change of s anywhere in the cell when no node's s changes by more than 1: the sum of the absolute node weights
  at the worst corner, 7/4 for the full stencil, up to 13/4 for one-sided ones. */
@@ -113,16 +93,16 @@ inline double findMaximum(const double S[kMonomials], double& xiBest, double& et
   const double det = 4 * S[3] * S[4] - S[5] * S[5];
   if (S[3] < 0 && det > 0) {
     const double xi = (-2 * S[4] * S[1] + S[5] * S[2]) / det, eta = (-2 * S[3] * S[2] + S[5] * S[1]) / det;
-    if (std::abs(xi) <= 0.5 && std::abs(eta) <= 0.5) {
+    if (absolute(xi) <= 0.5 && absolute(eta) <= 0.5) {
       take(xi, eta);
       return best;
     }
   }
-  for (const double side : {-0.5, 0.5}) {
+  for (double side = -0.5; side < 1; side += 1) {
     take(side, -0.5);
     take(side, 0.5);
-    if (S[4] < 0) take(side, std::min(0.5, std::max(-0.5, -(S[2] + S[5] * side) / (2 * S[4]))));
-    if (S[3] < 0) take(std::min(0.5, std::max(-0.5, -(S[1] + S[5] * side) / (2 * S[3]))), side);
+    if (S[4] < 0) take(side, clampToCell(-(S[2] + S[5] * side) / (2 * S[4])));
+    if (S[3] < 0) take(clampToCell(-(S[1] + S[5] * side) / (2 * S[3])), side);
   }
   return best;
 }
@@ -130,17 +110,21 @@ inline double findMaximum(const double S[kMonomials], double& xiBest, double& et
 /** Real roots of a + b t + c t^2, ascending; returns their number. */
 inline int solveQuadratic(double a, double b, double c, double root[2]) {
   // A quadratic term that cannot matter within |t| <= 1/2 of the cell: linear.
-  if (std::abs(c) <= 1e-14 * std::max(std::abs(a), std::abs(b))) {
+  if (absolute(c) <= 1e-14 * larger(absolute(a), absolute(b))) {
     if (b == 0) return 0;
     root[0] = -a / b;
     return 1;
   }
   const double discriminant = b * b - 4 * a * c;
   if (!(discriminant > 0)) return 0;
-  const double q = -0.5 * (b + std::copysign(std::sqrt(discriminant), b));
+  const double q = -0.5 * (b + __builtin_copysign(__builtin_sqrt(discriminant), b));
   root[0] = q / c;
   root[1] = q != 0 ? a / q : root[0];
-  if (root[0] > root[1]) std::swap(root[0], root[1]);
+  if (root[0] > root[1]) {
+    const double t = root[0];
+    root[0] = root[1];
+    root[1] = t;
+  }
   return 2;
 }
 
@@ -175,7 +159,7 @@ struct Gauss<8> {
  split where the rim crosses the cell's border, so that the integrand is analytic on each piece. */
 template <class Line>
 inline void forEachLine(const double S[kMonomials], bool& swapped, Line line) {
-  swapped = std::abs(S[1]) > std::abs(S[2]);
+  swapped = absolute(S[1]) > absolute(S[2]);
   const double sa = swapped ? S[2] : S[1], sb = swapped ? S[1] : S[2];
   const double saa = swapped ? S[4] : S[3], sbb = swapped ? S[3] : S[4], s0 = S[0], sab = S[5];
   double split[10];
@@ -193,7 +177,7 @@ inline void forEachLine(const double S[kMonomials], bool& swapped, Line line) {
     }
   };
   double root[2];
-  for (const double side : {-0.5, 0.5}) {
+  for (double side = -0.5; side < 1; side += 1) {
     const int count = solveQuadratic(s0 + side * (sb + sbb * side), sa + sab * side, saa, root);
     for (int k = 0; k < count; ++k) add(root[k], false);
   }
@@ -201,7 +185,7 @@ inline void forEachLine(const double S[kMonomials], bool& swapped, Line line) {
     // Where the rim turns back inside the cell the inner interval opens like a square root.
     const int count = solveQuadratic(sb * sb - 4 * sbb * s0, 2 * sb * sab - 4 * sbb * sa, sab * sab - 4 * sbb * saa, root);
     for (int k = 0; k < count; ++k) {
-      if (std::abs(sb + sab * root[k]) <= std::abs(sbb)) add(root[k], true);
+      if (absolute(sb + sab * root[k]) <= absolute(sbb)) add(root[k], true);
     }
   }
   double from = -0.5;
@@ -273,6 +257,15 @@ inline void calcRimArea(const double S[kMonomials], double area[kMoments]) {
   }
 }
 
+/** P = s: moments of s over a full cell. */
+inline void calcFullLinearMoments(const double S[kMonomials], double pressure[kSmooth]) {
+  pressure[0] = S[0] + (S[3] + S[4]) * (1.0 / 12);
+  pressure[1] = S[1] * (1.0 / 12);
+  pressure[2] = S[2] * (1.0 / 12);
+  pressure[3] = S[0] * (1.0 / 12) + S[3] * (1.0 / 80) + S[4] * (1.0 / 144);
+  pressure[4] = S[0] * (1.0 / 12) + S[3] * (1.0 / 144) + S[4] * (1.0 / 80);
+}
+
 /** P = s: moments of s from those of the region. */
 inline void calcLinearMoments(const double S[kMonomials], const double area[kMoments], double pressure[kSmooth]) {
   for (int m = 0; m < kSmooth; ++m) {
@@ -293,35 +286,36 @@ inline void addPoint(double weight, double xi, double eta, const double S[kMonom
   double p = 0, dp = 0, energy = 0;
   response(s * r, p, dp, energy);
   const double monomial[kSmooth] = {1, xi, eta, xi * xi, eta * eta};
-  for (int k = 0; k < kSmooth; ++k) m.pressure[k] += weight * p * monomial[k];
+  const double wp = weight * p;
+  for (int k = 0; k < kSmooth; ++k) m.pressure[k] += wp * monomial[k];
   if (WithEnergy) {
     for (int k = 0; k < kSmooth; ++k) m.energy[k] += weight * energy * monomial[k];
   }
   if (WithSlope) {
-    double powerA = weight * dp;
-    for (int a = 0; a <= 4; ++a) {
-      double power = powerA;
-      for (int b = 0; a + b <= 4; ++b) {
-        m.slopeR[momentIndex(a, b)] += r * power;
-        m.slopeS[momentIndex(a, b)] += s * power;
-        power *= eta;
+    const double wr = weight * dp * r, ws = weight * dp * s;
+    const double x[5] = {1, xi, xi * xi, xi * xi * xi, xi * xi * xi * xi};
+    double y = 1;
+    for (int b = 0; b <= 4; ++b) {
+      for (int a = 0; a + b <= 4; ++a) {
+        m.slopeR[momentIndex(a, b)] += wr * y * x[a];
+        m.slopeS[momentIndex(a, b)] += ws * y * x[a];
       }
-      powerA *= xi;
+      y *= eta;
     }
   }
 }
 
 /** Moments of a nonlinear law: tensor Gauss points in a full cell, Gauss points along the integration lines at the rim. */
 template <bool WithEnergy, bool WithSlope, class Response>
-inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, bool curved, const Response& response,
-                           CellMoments& m) {
-  std::fill(std::begin(m.pressure), std::end(m.pressure), 0.0);
-  std::fill(std::begin(m.energy), std::end(m.energy), 0.0);
+inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape,
+                           const Response& response, CellMoments& m) {
+  for (int k = 0; k < kSmooth; ++k) m.pressure[k] = m.energy[k] = 0;
   if (WithSlope) {
-    std::fill(std::begin(m.slopeR), std::end(m.slopeR), 0.0);
-    std::fill(std::begin(m.slopeS), std::end(m.slopeS), 0.0);
+    for (int k = 0; k < kMoments; ++k) m.slopeR[k] = m.slopeS[k] = 0;
   }
+  const double center = S[0] * R[0], half = 0.5 * (absolute(S[1]) + absolute(S[2])) * R[0];
   if (full) {
+    const double ratio = smaller(center + shape.atZero, shape.atOne - center) / half;
     const auto tensor = [&](auto rule, int n) {
       using Rule = decltype(rule);
       for (int i = 0; i < n; ++i) {
@@ -330,21 +324,34 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
         }
       }
     };
-    if (curved) {
-      tensor(Gauss<5>{}, 5);
-    } else {
+    if (ratio > 10) {
       tensor(Gauss<3>{}, 3);
+    } else if (ratio > 5) {
+      tensor(Gauss<4>{}, 4);
+    } else {
+      tensor(Gauss<5>{}, 5);
     }
     return;
   }
+  // From the rim, strain 0, to the cell's deepest point.
+  const double deepest = larger(center, 0.0) + half;
+  const bool mild = shape.atZero > 5 * deepest && shape.atOne > 10 * deepest;
   bool swapped = false;
   forEachLine(S, swapped, [&](double a, double weight, double b0, double b1) {
+    const auto at = [&](double w, double b) {
+      addPoint<WithEnergy, WithSlope>(w, swapped ? b : a, swapped ? a : b, S, R, response, m);
+    };
+    if (mild) {
+      const double width = b1 - b0, middle = 0.5 * (b0 + b1);
+      for (int k = 0; k < 4; ++k) at(weight * width * Gauss<4>::w[k], middle + width * Gauss<4>::x[k]);
+      return;
+    }
     // Points crowd at the rim, where the law bends most: b = rim + width t^2. An interval between two rims gets them at both.
     const auto isRim = [](double b) { return b > -0.5 && b < 0.5; };
     const auto graded = [&](double rim, double width) {
       for (int k = 0; k < 8; ++k) {
-        const double u = Gauss<8>::x[k] + 0.5, b = rim + width * u * u;
-        addPoint<WithEnergy, WithSlope>(weight * std::abs(width) * 2 * u * Gauss<8>::w[k], swapped ? b : a, swapped ? a : b, S, R, response, m);
+        const double u = Gauss<8>::x[k] + 0.5;
+        at(weight * absolute(width) * 2 * u * Gauss<8>::w[k], rim + width * u * u);
       }
     };
     if (isRim(b0) && isRim(b1)) {
@@ -359,4 +366,5 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
   });
 }
 
+}  // namespace
 }  // namespace genu::contact::detail

@@ -7,14 +7,18 @@
 #include <variant>
 #include <vector>
 
+#include "CellKernel.h"
+#include "DistancePredictor.h"
 #include "LayerThickness.h"
 #include "PressureTable.h"
-#include "TrackedFoot.h"
 #include "genu/contact/ContactPair.h"
 
 namespace genu::contact {
 
 namespace detail {
+
+/** Numbers that the kernels read eight at a time. */
+using Numbers = std::vector<double>;
 
 /** How the moving body's layer is found for one foot. */
 enum class MovingLayer { none, constant, plane, map };
@@ -27,6 +31,7 @@ struct Compartment {
   double cellSize_m = 0;  // square root of dx dz
   const ContactSurface* moving = nullptr;
   const ThicknessMap* map = nullptr;
+  std::unique_ptr<DistancePredictor> predictor;  // smooth rule
   int elements = 0;
   std::vector<int> cell;     // ix * nz + iz of each element
   std::vector<int> element;  // of each cell, -1 where there is none
@@ -34,30 +39,19 @@ struct Compartment {
   // Of each node:
   std::vector<Vec3> p_FA, normal_F;
   std::vector<double> area_m2, hF_m;
+  Numbers place;  // the four above together, see CellKernel.h
+  std::vector<unsigned char> neighbors;  // of each element, as a mask (CellRule.h)
   std::array<Vec3, 8> corner_F;  // box around all nodes
   size_t size() const { return static_cast<size_t>(elements); }
   size_t numNodes() const { return p_FA.size(); }
 };
 
-/** An element in contact during one evaluation. */
+/** An element in contact during one evaluation, centre rule. */
 struct Active {
   int element = -1;
   double d_m = 0, h_m = 0, hM_m = 0, p_Pa = 0;
-  double share = 1;       // of its area that is in contact
   double force_N = 0;     // int p dA
   Vec3 direction_F = Vec3::Zero();
-};
-
-/** What the smooth rule knows of a node at the current pose. */
-struct NodeField {
-  double s_m;   // penetration before the midsurface correction, > 0 in contact
-  double r;     // c / h [1/m]: strain = s r
-  double c;     // d = c s
-  double h_m, hM_m;
-  Vec3 m_F;     // force direction on M
-  Vec3 u_F;     // direction of the distance, turned into M
-  double length;  // |n + u| where the correction is on, 0 where it is off
-  bool usable;
 };
 
 struct CompartmentMemory {
@@ -67,24 +61,46 @@ struct CompartmentMemory {
   std::vector<double> clearance_m;     // contact is impossible within this distance of p_MA
   std::vector<double> distance_m;      // signed
   std::vector<char> onBorder;          // foot on the moving surface's border
+  std::vector<Active> active;          // in element order
   // Both rules:
   std::vector<unsigned> visit;         // evaluation that tested it last (search modes)
   std::vector<int> queue;
-  std::vector<Active> active;          // in element order
   std::vector<int> previous;           // elements active in the evaluation before
   // Smooth rule, of each node:
   std::vector<TrackedFoot> feet;
   std::vector<unsigned> nodeVisit;     // evaluation that queried it last
+  std::vector<char> usable;
   std::vector<NodeField> field;
-  std::vector<double> weight, weightArea, weightEnergy;
-  std::vector<std::array<double, 6>> adjointS, adjointR;  // stiffness only
+  Numbers s, r, load, weight, adjoint; // see CellGrid
+  std::vector<unsigned long> touched;
   std::vector<int> nodes;              // queried in this evaluation
-  std::vector<double> query;
-  // Of each element: it cannot touch while no node has moved by more than this since the reference pose.
-  std::vector<double> threshold_m;
-  std::vector<int> candidates;
-  Pose reference_FM;
-  bool hasReference = false;
+  Numbers query;
+  std::vector<unsigned> nodePredicted; // evaluation that predicted it last
+  Numbers prediction;                  // (s, error) of each node; error < 0: not known
+  // Smooth rule, of elements:
+  std::vector<int> candidates, candidateMask;
+  Numbers candidateBound;
+  std::vector<CellTask> tasks;         // cells that may be in contact, in element order
+  Numbers cells;                       // their results, see CellKernel.h
+  int cellStride = 0;
+  // Way of the fastest point of the grid's box, summed over the evaluations; an element cannot touch before its mark.
+  double way_m = 0;
+  std::vector<double> mark_m;
+  Pose last_FM;
+  bool hasLast = false;
+};
+
+/** One evaluation. */
+struct EvaluationTask {
+  Pose X_FM;
+  Vec3 v_F = Vec3::Zero(), w_F = Vec3::Zero();  // motion of M at Fo, read with damping only
+  bool withEnergy = false, withStiffness = false;
+  unsigned stamp = 0;
+  const TaskRunner* runner = nullptr;
+  // out
+  NetLoad* loads = nullptr;  // per compartment
+  int* queries = nullptr;    // added to
+  Matrix6 byMotion = Matrix6::Zero(), byRate = Matrix6::Zero();  // d(force, moment)/d(v, w) and its rate
 };
 
 /** What the element loops read. */
@@ -92,6 +108,7 @@ struct PairData {
   ContactPairDefinition definition;
   std::variant<LinearLayer, PowerLawLayer, SeriesLayers> law;
   std::unique_ptr<PressureTable> table;  // smooth rule and a nonlinear law of one material
+  LawShape shape{};
   MovingLayer movingLayer = MovingLayer::none;
   double constantMoving_m = 0, planeMovingY_m = 0;
 };
@@ -107,21 +124,25 @@ struct ContactPair::Impl : detail::PairData {
   explicit Impl(ContactPairDefinition d);
 
   void buildCompartment(const CompartmentDefinition& c);
+  /** What the kernels read, from the arrays of a finished grid. */
+  static void packCompartment(detail::Compartment& c);
+  static void sizeSmoothMemory(const detail::Compartment& c, detail::CompartmentMemory& memory);
 
   /** Whole elements, in contact or not by their centre [BF2004 §2.3]. */
   template <class Law>
-  void evaluateCentre(const Law& law, const detail::Compartment& c, const Pose& X_FM, bool withEnergy,
-                      detail::CompartmentMemory& memory, unsigned stamp, NetLoad& load, int& queries) const;
-  /** The smooth rule; adds d(force, moment)/d(translation, rotation about Fo) to `stiffness` when it is given. */
-  void evaluateSmooth(const detail::Compartment& c, const Pose& X_FM, bool withEnergy, detail::CompartmentMemory& memory,
-                      unsigned stamp, NetLoad& load, int& queries, Matrix6* stiffness) const;
+  void evaluateCentre(const Law& law, const detail::Compartment& c, const detail::EvaluationTask& task, detail::CompartmentMemory& memory,
+                      NetLoad& load, int& queries) const;
+  /** The smooth rule on all compartments. */
+  void evaluateSmooth(std::vector<detail::CompartmentMemory>& memory, detail::EvaluationTask& task) const;
+  void calcSmoothFields(const detail::Compartment& c, const detail::CompartmentMemory& memory, std::vector<ElementField>& fields) const;
 };
 
 struct ContactWorkspace::Impl {
   std::vector<detail::CompartmentMemory> compartments;
-  JointCoordinates storedQ{};
+  JointCoordinates storedQ{}, storedRates{};
   ContactResult stored;
   bool hasStored = false, storedWithEnergy = false, storedWithStiffness = false;
+  const TaskRunner* runner = nullptr;
   Pose X_FM;
   unsigned stamp = 0;
 };

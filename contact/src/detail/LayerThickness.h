@@ -48,6 +48,7 @@ class ThicknessMap {
     double dhdu, dhdv;
     return interpolate(at.patch, at.u, at.v, dhdu, dhdv);
   }
+  bool hasHoles() const { return hasHoles_; }
 
  private:
   struct Map {
@@ -56,6 +57,7 @@ class ThicknessMap {
     std::vector<double> h;
   };
   std::vector<Map> maps_;
+  bool hasHoles_ = false;
 };
 
 }  // namespace genu::contact::detail

@@ -9,6 +9,7 @@
 
 #include "genu/contact/ContactSurface.h"
 #include "genu/contact/PressureLaw.h"
+#include "genu/contact/TaskRunner.h"
 #include "genu/contact/Types.h"
 
 namespace genu::contact {
@@ -75,6 +76,9 @@ struct ContactPairDefinition {
   Correction correction = Correction::midsurface;
   ContactRule rule = ContactRule::smooth;
   Tracking tracking = Tracking::lipschitz;
+  /** Damping of the Hunt-Crossley type [s/m]: p max(0, 1 + damping * approach), approach = -m . (velocity of M's point at A relative to
+   F), never tensile. It takes the power p damping approach^2 (p |approach| where it is cut off), never gives any. 0: none. */
+  double damping_sPerM = 0;
   /** A stored result is copied when no coordinate changed by more than this (rad and m); 0: only the same pose.
    Negative: never copy. */
   double copyTolerance = 0;
@@ -124,6 +128,8 @@ struct ContactResult {
    force [N], moment [N m]; columns: the six coordinates [rad, m]. Not symmetric in general (moment about a fixed point,
    bisecting force direction). */
   Matrix6 stiffness = Matrix6::Zero();
+  /** d(forceOnM_F, momentOnM_Fo_F)/d(qdot), only with withStiffness and damping. */
+  Matrix6 damping = Matrix6::Zero();
   int distanceQueries = 0;  ///< work done by this evaluation
   bool copied = false;      ///< taken from the stored result
 };
@@ -178,6 +184,9 @@ class ContactWorkspace {
   ContactWorkspace& operator=(ContactWorkspace&&) noexcept;
   /** Forgets everything: the next evaluation is cold. */
   void reset();
+  /** Threads for evaluations with this workspace, smooth rule; nullptr: none but the caller's. It must outlive the workspace's
+   use. Small evaluations stay serial whatever it is; results are bitwise the same. */
+  void setTaskRunner(const TaskRunner* runner);
 
  private:
   friend class ContactPair;
@@ -218,6 +227,9 @@ class ContactPair {
    A coordinate that is not finite gives no load and the status notConverged.
    @throws std::invalid_argument when stiffness is asked of the centre rule (it has none: its load jumps) */
   void evaluate(const JointCoordinates& q, ContactWorkspace& workspace, const Options& options,
+                ContactResult& result) const;
+  /** With the coordinates' rates [rad/s, m/s], for damping. Without them everything is at rest. */
+  void evaluate(const JointCoordinates& q, const JointCoordinates& qdot, ContactWorkspace& workspace, const Options& options,
                 ContactResult& result) const;
   void evaluate(const Pose& X_FM, ContactWorkspace& workspace, const Options& options, ContactResult& result) const;
   /** Convenience: cold, allocates. */

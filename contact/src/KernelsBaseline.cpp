@@ -1,2 +1,3 @@
 #define GENU_ISA baseline
+#include "detail/CellKernel.inl"
 #include "detail/FootKernel.inl"

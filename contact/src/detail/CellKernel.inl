@@ -1,0 +1,448 @@
+// Body of the smooth rule's arithmetic; included once per instruction set with GENU_ISA set to its namespace.
+
+#include "CellKernel.h"
+#include "CellRule.h"
+
+namespace genu::contact::detail::GENU_ISA {
+
+namespace {
+
+typedef double V8 __attribute__((vector_size(64)));
+
+inline V8 load8(const double* p) {
+  V8 v;
+  __builtin_memcpy(&v, p, sizeof v);
+  return v;
+}
+inline void store8(V8 v, double* p) { __builtin_memcpy(p, &v, sizeof v); }
+inline void add8(V8 v, double* p) { store8(load8(p) + v, p); }
+
+struct Response {
+  const LawView& law;
+  int element;
+  void operator()(double strain, double& p, double& dp, double& energy) const {
+    if (law.kind == LawView::linear) {
+      p = law.K_Pa * strain;
+      dp = law.K_Pa;
+      energy = 0.5 * p * strain;
+    } else if (law.kind == LawView::table && strain < law.pieces.largestStrain) {
+      readTable<true>(law.pieces, larger(strain, 0.0), p, dp, energy);
+    } else {
+      double out[3];
+      law.respond(law.self, element, strain, out);
+      p = out[0];
+      dp = out[1];
+      energy = out[2];
+    }
+  }
+};
+
+// ---- nodes ------------------------------------------------------------------------------------------------------
+
+void setNodes(const CellGrid& g, const int* nodes, int count) {
+  const double* R = g.R;
+  for (int i = 0; i < count; ++i) {
+    const int k = nodes[i];
+    const TrackedFoot& foot = g.feet[k];
+    g.s[k] = -foot.distance_m;
+    if (!g.usable[k]) continue;
+    NodeField& f = g.field[k];
+    const double* A = g.place + kPlaceStride * k;
+    const double* n = A + 4;
+    const double* N = foot.normal;
+    const double u[3] = {-(R[0] * N[0] + R[1] * N[1] + R[2] * N[2]), -(R[3] * N[0] + R[4] * N[1] + R[5] * N[2]),
+                         -(R[6] * N[0] + R[7] * N[1] + R[8] * N[2])};
+    const double sum[3] = {n[0] + u[0], n[1] + u[1], n[2] + u[2]};
+    const double cosTheta = n[0] * u[0] + n[1] * u[1] + n[2] * u[2];
+    f.h_m = n[3] + f.hM_m;
+    if (g.corrected && cosTheta > 0) {
+      const double length = __builtin_sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]), inverse = 1 / length;
+      f.length = length;
+      f.c = 2 * inverse;
+      for (int j = 0; j < 3; ++j) f.m[j] = sum[j] * inverse;
+    } else {
+      f.length = 0;
+      f.c = 1;
+      for (int j = 0; j < 3; ++j) f.m[j] = u[j];
+    }
+    for (int j = 0; j < 3; ++j) f.u[j] = u[j];
+    f.factor = 1;
+    if (g.damping_sPerM > 0) {
+      // Rate of approach: the velocity of M's point at A against the force on it.
+      const double V[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
+                           g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};
+      f.factor = larger(0.0, 1 - g.damping_sPerM * (f.m[0] * V[0] + f.m[1] * V[1] + f.m[2] * V[2]));
+    }
+    const double r = f.c / f.h_m;
+    g.r[k] = r;
+    const double area = A[3];
+    const double scalar = area * f.factor * (g.linear ? g.K_Pa * r : 1);
+    double* L = g.load + kLoadStride * k;
+    for (int j = 0; j < 3; ++j) L[j] = scalar * f.m[j];
+    L[3] = A[1] * L[2] - A[2] * L[1];
+    L[4] = A[2] * L[0] - A[0] * L[2];
+    L[5] = A[0] * L[1] - A[1] * L[0];
+    L[6] = scalar;
+    L[7] = 0;
+    for (int j = 0; j < 3; ++j) L[8 + j] = scalar * A[j];
+    L[11] = area;
+  }
+}
+
+// ---- cells ------------------------------------------------------------------------------------------------------
+
+inline int usableNeighbors(const CellGrid& g, const int* stencil) {
+  int mask = 0, corners = 0;
+  for (int k = 1; k < kStencil; ++k) {
+    if (stencil[k] < 0 || !g.usable[stencil[k]]) continue;
+    if (k < 5) {
+      mask |= 1 << (k - 1);
+    } else {
+      ++corners;
+    }
+  }
+  return corners == 4 ? mask | 16 : mask;
+}
+
+int testCells(const CellGrid& g, const int* candidates, int count, double* bound, int* mask, CellTask* tasks) {
+  int found = 0;
+  for (int i = 0; i < count; ++i) {
+    const int e = candidates[i];
+    const int* stencil = g.stencil + 9 * e;
+    mask[i] = -1;
+    if (!g.usable[stencil[0]]) continue;
+    mask[i] = usableNeighbors(g, stencil);
+    double s[kStencil];
+    for (int k = 0; k < kStencil; ++k) s[k] = stencil[k] >= 0 ? g.s[stencil[k]] : 0;
+    CellTask& task = tasks[found];
+    calcCoefficients(s, mask[i], task.S);
+    bound[i] = upperBound(task.S);
+    if (!(bound[i] > 0)) continue;
+    task.element = e;
+    task.mask = mask[i];
+    ++found;
+  }
+  return found;
+}
+
+/** Node weights of int p g from the moments: sum over k of T[k][n] moments[k], n over the cross C, E, W, N, S. */
+inline void spread(const double moments[kSmooth], int mask, double* weight) {
+  if ((mask & 15) == 15) {
+    weight[0] = moments[0] - moments[3] - moments[4];
+    weight[4] = 0.5 * (moments[3] + moments[1]);
+    weight[8] = 0.5 * (moments[3] - moments[1]);
+    weight[12] = 0.5 * (moments[4] + moments[2]);
+    weight[16] = 0.5 * (moments[4] - moments[2]);
+    return;
+  }
+  const StencilWeights& T = stencilWeights(mask);
+  for (int n = 0; n < 5; ++n) {
+    double sum = 0;
+    for (int k = 0; k < kSmooth; ++k) sum += T.T[k][n] * moments[k];
+    weight[4 * n] = sum;
+  }
+}
+
+/** Coefficients of the smooth load density from its nodes, 8 numbers each. */
+inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, V8 G[kSmooth]) {
+  if ((mask & 15) == 15) {
+    const V8 c = load8(g.load + kLoadStride * stencil[0]), e = load8(g.load + kLoadStride * stencil[1]),
+             w = load8(g.load + kLoadStride * stencil[2]), n = load8(g.load + kLoadStride * stencil[3]),
+             s = load8(g.load + kLoadStride * stencil[4]);
+    G[0] = c;
+    G[1] = 0.5 * (e - w);
+    G[2] = 0.5 * (n - s);
+    G[3] = 0.5 * (e + w) - c;
+    G[4] = 0.5 * (n + s) - c;
+    return;
+  }
+  const StencilWeights& T = stencilWeights(mask);
+  for (int k = 0; k < kSmooth; ++k) {
+    V8 sum = {};
+    for (int n = 0; n < 5; ++n) {
+      if (T.T[k][n] != 0) sum += T.T[k][n] * load8(g.load + kLoadStride * stencil[n]);
+    }
+    G[k] = sum;
+  }
+}
+
+inline void contract(const double moments[kMoments], const V8 G[kSmooth], int count, double* out) {
+  for (int c = 0; c < count; ++c) {
+    V8 sum = {};
+    for (int k = 0; k < kSmooth; ++k) {
+      sum += moments[momentIndex(kPowers[k][0] + kPowers[c][0], kPowers[k][1] + kPowers[c][1])] * G[k];
+    }
+    store8(sum, out + 8 * c);
+  }
+}
+
+/** Coefficients of r = c/h in a cell. */
+inline void gatherR(const CellGrid& g, const int* stencil, int mask, double R[kSmooth]) {
+  double r[kStencil] = {};
+  for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? g.r[stencil[n]] : 0;
+  double all[kMonomials];
+  calcCoefficients(r, mask & 15, all);
+  for (int k = 0; k < kSmooth; ++k) R[k] = all[k];
+}
+
+template <bool kWithStiffness>
+void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, int count, bool withEnergy, double* out) {
+  const bool isLinear = g.linear;
+  constexpr int stride = kWithStiffness ? kCellStride : kCellWeights;
+  for (int i = 0; i < count; ++i, out += stride) {
+    const CellTask& task = tasks[i];
+    const int* stencil = g.stencil + 9 * task.element;
+    const double* S = task.S;
+    CellMoments m;
+    const bool full = lowerBound(S) >= 0;
+    if (full) {
+      for (int k = 0; k < kMoments; ++k) m.area[k] = kFullArea[k];
+    } else {
+      calcRimArea(S, m.area);
+      if (!(m.area[0] > 0)) {
+        out[3] = 0;
+        continue;
+      }
+    }
+    double R[kSmooth] = {};
+    if (!isLinear || withEnergy) gatherR(g, stencil, task.mask, R);
+    if (isLinear) {
+      if (withEnergy) calcLawMoments<true, false>(S, R, full, law.shape, Response{law, task.element}, m);
+      if (full) {
+        calcFullLinearMoments(S, m.pressure);
+      } else {
+        calcLinearMoments(S, m.area, m.pressure);
+      }
+    } else {
+      const Response response{law, task.element};
+      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law.shape, response, m)
+                 : calcLawMoments<false, kWithStiffness>(S, R, full, law.shape, response, m);
+    }
+    const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
+    spread(m.pressure, task.mask, out);
+    spread(area, task.mask, out + 1);
+    if (withEnergy) {
+      spread(m.energy, task.mask, out + 2);
+    } else {
+      for (int n = 0; n < 5; ++n) out[4 * n + 2] = 0;
+    }
+    for (int n = 1; n < 5; ++n) out[4 * n + 3] = 0;
+    out[3] = m.area[0];
+    if (kWithStiffness) {
+      V8 G[kSmooth];
+      gatherLoad(g, stencil, task.mask, G);
+      contract(isLinear ? m.area : m.slopeR, G, kMonomials, out + kBySOffset);
+      if (!isLinear) contract(m.slopeS, G, kSmooth, out + kByROffset);
+    }
+  }
+}
+
+void integrate(const CellGrid& g, const LawView& law, const CellTask* tasks, int count, bool withEnergy, bool withStiffness, double* out) {
+  withStiffness ? integrateAs<true>(g, law, tasks, count, withEnergy, out) : integrateAs<false>(g, law, tasks, count, withEnergy, out);
+}
+
+void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiffness, const double* out) {
+  const int stride = withStiffness ? kCellStride : kCellWeights;
+  typedef double V4 __attribute__((vector_size(32)));
+  for (int i = 0; i < count; ++i, out += stride) {
+    if (!(out[3] > 0)) continue;
+    const CellTask& task = tasks[i];
+    const int* stencil = g.stencil + 9 * task.element;
+    const int nodes = withStiffness ? kStencil : 5;
+    for (int n = 0; n < nodes; ++n) {
+      const int k = stencil[n];
+      if (k < 0) continue;
+      unsigned long& word = g.touched[k >> 6];
+      const unsigned long bit = 1ul << (k & 63);
+      if (word & bit) continue;
+      word |= bit;
+      for (int j = 0; j < kWeightStride; ++j) g.weight[kWeightStride * k + j] = 0;
+      if (withStiffness) {
+        store8(V8{}, g.adjoint + kAdjointStride * k);
+        store8(V8{}, g.adjoint + kAdjointStride * k + 8);
+      }
+    }
+    for (int n = 0; n < 5; ++n) {
+      if (stencil[n] < 0) continue;
+      double* to = g.weight + kWeightStride * stencil[n];
+      V4 a, b;
+      __builtin_memcpy(&a, to, sizeof a);
+      __builtin_memcpy(&b, out + 4 * n, sizeof b);
+      a += b;
+      __builtin_memcpy(to, &a, sizeof a);
+    }
+    if (!withStiffness) continue;
+    const double* byS = out + kBySOffset;
+    const double* byR = out + kByROffset;
+    if (task.mask == kAllNeighbors) {
+      const V8 s1 = 0.5 * load8(byS + 8), s2 = 0.5 * load8(byS + 16), s3 = load8(byS + 24), s4 = load8(byS + 32),
+               s5 = 0.25 * load8(byS + 40);
+      const auto to = [&](int n) { return g.adjoint + kAdjointStride * stencil[n]; };
+      add8(load8(byS) - s3 - s4, to(0));
+      add8(0.5 * s3 + s1, to(1));
+      add8(0.5 * s3 - s1, to(2));
+      add8(0.5 * s4 + s2, to(3));
+      add8(0.5 * s4 - s2, to(4));
+      add8(s5, to(5));
+      add8(-s5, to(6));
+      add8(-s5, to(7));
+      add8(s5, to(8));
+      if (!g.linear) {
+        const V8 r1 = 0.5 * load8(byR + 8), r2 = 0.5 * load8(byR + 16), r3 = load8(byR + 24), r4 = load8(byR + 32);
+        add8(load8(byR) - r3 - r4, to(0) + 8);
+        add8(0.5 * r3 + r1, to(1) + 8);
+        add8(0.5 * r3 - r1, to(2) + 8);
+        add8(0.5 * r4 + r2, to(3) + 8);
+        add8(0.5 * r4 - r2, to(4) + 8);
+      }
+      continue;
+    }
+    const StencilWeights& T = stencilWeights(task.mask);
+    for (int n = 0; n < kStencil; ++n) {
+      for (int c = 0; c < kMonomials; ++c) {
+        if (T.T[c][n] == 0) continue;
+        double* to = g.adjoint + kAdjointStride * stencil[n];
+        add8(T.T[c][n] * load8(byS + 8 * c), to);
+        if (!g.linear && c < kSmooth) add8(T.T[c][n] * load8(byR + 8 * c), to + 8);
+      }
+    }
+  }
+}
+
+// ---- sums -------------------------------------------------------------------------------------------------------
+
+template <class Visit>
+inline void forEachTouched(const CellGrid& g, int numWords, Visit visit) {
+  for (int word = 0; word < numWords; ++word) {
+    for (unsigned long bits = g.touched[word]; bits != 0; bits &= bits - 1) visit(64 * word + __builtin_ctzl(bits));
+  }
+}
+
+void sum(const CellGrid& g, int numWords, bool withEnergy, NetSums& total) {
+  V8 first = {};
+  double second[4] = {};
+  double energy = 0;
+  forEachTouched(g, numWords, [&](int k) {
+    const double* w = g.weight + kWeightStride * k;
+    const double* L = g.load + kLoadStride * k;
+    if (w[0] == 0 && w[1] == 0) return;  // an unusable node may hold anything
+    first += w[0] * load8(L);
+    for (int j = 0; j < 3; ++j) second[j] += w[0] * L[8 + j];
+    second[3] += w[1] * L[11];
+    if (withEnergy) energy += w[2] * L[11] * g.field[k].h_m;
+  });
+  for (int j = 0; j < 3; ++j) {
+    total.force[j] = first[j];
+    total.moment[j] = first[3 + j];
+    total.weighted[j] = second[j];
+  }
+  total.scalar = first[6];
+  total.area = second[3];
+  total.energy = energy;
+}
+
+inline void rotate(const double R[9], const double a[3], double b[3]) {
+  for (int i = 0; i < 3; ++i) b[i] = R[3 * i] * a[0] + R[3 * i + 1] * a[1] + R[3 * i + 2] * a[2];
+}
+
+/** A small motion (v, w) of M at Fo moves A by -(v + w x A) in M; du = w x u + H (v + w x A), H the Hessian of the signed
+ distance. Rows of six columns: v, w. */
+void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope, const void* self, StiffnessSums& total) {
+  V8 K[6] = {}, D[6] = {};
+  const bool damped = g.damping_sPerM > 0;
+  forEachTouched(g, numWords, [&](int k) {
+    if (!g.usable[k]) return;
+    const NodeField& f = g.field[k];
+    const TrackedFoot& foot = g.feet[k];
+    const double* A = g.place + kPlaceStride * k;
+    const double* adjoint = g.adjoint + kAdjointStride * k;
+    const double *u = f.u, *m = f.m;
+    const V8 ds = {-u[0], -u[1], -u[2], A[2] * u[1] - A[1] * u[2], A[0] * u[2] - A[2] * u[0], A[1] * u[0] - A[0] * u[1], 0, 0};
+    double W[3][3] = {};
+    if (foot.status == QueryStatus::converged) {
+      double nu[3], nv[3], ju[3], jv[3];
+      rotate(g.R, foot.nu, nu);
+      rotate(g.R, foot.nv, nv);
+      rotate(g.R, foot.duvdQ, ju);
+      rotate(g.R, foot.duvdQ + 3, jv);
+      for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) W[i][j] = nu[i] * ju[j] + nv[i] * jv[j];
+      }
+    }
+    const auto row = [&](int i, double x, double y, double z) {
+      const double* w = W[i];
+      return V8{w[0], w[1], w[2], x + A[1] * w[2] - A[2] * w[1], y + A[2] * w[0] - A[0] * w[2], z + A[0] * w[1] - A[1] * w[0], 0, 0};
+    };
+    V8 dm[3] = {row(0, 0, u[2], -u[1]), row(1, -u[2], 0, u[0]), row(2, u[1], -u[0], 0)};  // du first
+    V8 dr = {};
+    if (f.length > 0) {
+      const V8 along = m[0] * dm[0] + m[1] * dm[1] + m[2] * dm[2];
+      const double inverse = 1 / f.length;
+      for (int i = 0; i < 3; ++i) dm[i] = (dm[i] - m[i] * along) * inverse;
+      dr = along * (-2 * inverse * inverse / f.h_m);
+    }
+    double slope[3];
+    if (thicknessSlope != nullptr && thicknessSlope(self, k, slope)) {
+      const V8 wrench = {slope[0], slope[1], slope[2], A[1] * slope[2] - A[2] * slope[1], A[2] * slope[0] - A[0] * slope[2],
+                         A[0] * slope[1] - A[1] * slope[0], 0, 0};
+      dr += wrench * (g.r[k] / f.h_m);
+    }
+    const double scale = g.weight[kWeightStride * k] * A[3] * (g.linear ? g.K_Pa : 1);
+    V8 df[3];
+    const double value = g.linear ? g.r[k] : 1;
+    for (int i = 0; i < 3; ++i) {
+      df[i] = (scale * f.factor * value) * dm[i];
+      if (g.linear) df[i] += (scale * f.factor * m[i]) * dr;
+    }
+    if (damped && f.factor > 0) {
+      const double V[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
+                           g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};
+      const V8 dFactor = -g.damping_sPerM * (V[0] * dm[0] + V[1] * dm[1] + V[2] * dm[2]);
+      for (int i = 0; i < 3; ++i) df[i] += (scale * value * m[i]) * dFactor;
+      const V8 wrench = {m[0], m[1], m[2], A[1] * m[2] - A[2] * m[1], A[2] * m[0] - A[0] * m[2], A[0] * m[1] - A[1] * m[0], 0, 0};
+      for (int i = 0; i < 6; ++i) D[i] += (-g.damping_sPerM * scale * value * wrench[i]) * wrench;
+    }
+    for (int i = 0; i < 6; ++i) {
+      K[i] += adjoint[i] * ds;
+      if (!g.linear) K[i] += adjoint[8 + i] * dr;
+    }
+    for (int i = 0; i < 3; ++i) K[i] += df[i];
+    K[3] += A[1] * df[2] - A[2] * df[1];
+    K[4] += A[2] * df[0] - A[0] * df[2];
+    K[5] += A[0] * df[1] - A[1] * df[0];
+  });
+  for (int i = 0; i < 6; ++i) {
+    store8(K[i], total.byMotion + 8 * i);
+    store8(D[i], total.byRate + 8 * i);
+  }
+}
+
+/** Largest point value of the strain field; the pressure grows with it. */
+void findPeak(const CellGrid& g, const CellTask* tasks, int count, PeakStrain& peak) {
+  peak = {0, -1, 0, 0, 0};
+  double best = 0;
+  for (int i = 0; i < count; ++i) best = larger(best, g.s[tasks[i].element] * g.r[tasks[i].element]);
+  for (int i = 0; i < count; ++i) {
+    const int e = tasks[i].element;
+    const int* stencil = g.stencil + 9 * e;
+    double strain[kStencil], E[kMonomials];
+    for (int n = 0; n < kStencil; ++n) {
+      const int k = stencil[n];
+      strain[n] = k >= 0 && g.usable[k] ? g.s[k] * g.r[k] : 0;
+    }
+    calcCoefficients(strain, tasks[i].mask, E);
+    if (!(upperBound(E) > best) && !(E[0] >= best)) continue;
+    double xi = 0, eta = 0;
+    const double value = findMaximum(E, xi, eta);
+    if (value > peak.strain && value >= best) {
+      peak = {value, e, tasks[i].mask, xi, eta};
+      best = value;
+    }
+  }
+}
+
+}  // namespace
+
+const CellKernels kCellKernels = {setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak};
+
+}  // namespace genu::contact::detail::GENU_ISA
