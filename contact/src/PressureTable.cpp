@@ -13,7 +13,7 @@ namespace genu::contact::detail {
 
 namespace {
 
-constexpr int kCoefficients = 5;
+constexpr int kCoefficients = 6;
 
 double calcPressure(const PressureLaw& law, double e) {
   return std::visit([&](const auto& l) { return l.template calcResponse<false>(e, 1.0).p_Pa; }, law);

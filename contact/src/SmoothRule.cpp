@@ -52,6 +52,7 @@ namespace {
 
 /** Nodes and cells of a block: blocks never depend on the number of threads, so neither do results. */
 constexpr int kNodesPerBlock = 64, kCellsPerBlock = 32;
+constexpr double kAlways = 1e300;  // a way that is never gone
 
 /** How far apart two poses bring any point of a box: its farthest corner (the distance of an affine map is convex). */
 double calcLargestMotion(const std::array<Vec3, 8>& corner_F, const Pose& a, const Pose& b) {
@@ -155,10 +156,11 @@ class SmoothEvaluation {
     firstNode_ = memory_.nodes.size();
     const Tracking tracking = impl_.definition.tracking;
     const bool exact = tracking != Tracking::all && tracking != Tracking::breadthFirstUnguarded;
+    const double* mark_m = memory_.mark_m.data();
     for (int e = 0; e < c_.elements; ++e) {
-      if (exact && memory_.mark_m[static_cast<size_t>(e)] > memory_.way_m) continue;
+      if (exact && mark_m[e] > memory_.way_m) continue;
       if (isSearch() && memory_.visit[static_cast<size_t>(e)] == stamp_) continue;
-      if (exact && predictable_ && isClear(e)) continue;
+      if (exact && predictable_ && -mark_m[e] <= memory_.way_m && isClear(e)) continue;
       memory_.candidates.push_back(e);
       gatherNodes(e);
     }
@@ -307,7 +309,7 @@ class SmoothEvaluation {
   void moveMarks() {
     if (!memory_.hasLast) {
       memory_.way_m = 0;
-      std::fill(memory_.mark_m.begin(), memory_.mark_m.end(), -1.0);
+      std::fill(memory_.mark_m.begin(), memory_.mark_m.end(), -kAlways);
     } else {
       memory_.way_m += calcLargestMotion(c_.corner_F, task_.X_FM, memory_.last_FM);
     }
@@ -315,9 +317,11 @@ class SmoothEvaluation {
     memory_.hasLast = true;
   }
 
-  /** No node's s changes faster than it moves, and the polynomial by at most largestGain times that. */
+  /** No node's s changes faster than it moves, and the polynomial by at most largestGain times that. Positive marks: no contact
+   before this way; negative ones: contact at least until then, as far as its bound can tell. */
   void setMark(size_t element, double bound, int mask) {
-    memory_.mark_m[element] = memory_.way_m - (1 - 1e-9) * bound / largestGain(mask);
+    const double way_m = (1 - 1e-9) * std::abs(bound) / largestGain(mask) + memory_.way_m;
+    memory_.mark_m[element] = bound <= 0 ? way_m : -way_m;
   }
 
   /** True when the last feet of an element's nodes tell that it cannot be in contact. */
@@ -364,10 +368,11 @@ class SmoothEvaluation {
     for (int i = 0; i < count; ++i) {
       const auto e = static_cast<size_t>(elements[i]);
       const int mask = memory_.candidateMask[static_cast<size_t>(i)];
-      memory_.mark_m[e] = -1;  // look again next time
       // A node that the cell could not use may become usable: then no promise is made.
-      if (mask == c_.neighbors[e] && memory_.candidateBound[static_cast<size_t>(i)] <= 0) {
+      if (mask == c_.neighbors[e]) {
         setMark(e, memory_.candidateBound[static_cast<size_t>(i)], mask);
+      } else {
+        memory_.mark_m[e] = -kAlways;
       }
     }
     return found;

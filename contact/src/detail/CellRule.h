@@ -154,68 +154,69 @@ struct Gauss<8> {
                                   0.1813418916891810, 0.1568533229389437, 0.1111905172266872, 0.0506142681451881};
 };
 
-/** Calls line(a, weight, b0, b1) for every integration line of the region s > 0 of the cell: a is the outer variable, [b0, b1]
- an interval of the inner one (the direction in which s changes faster); `swapped` tells that a is eta. The outer range is
- split where the rim crosses the cell's border, so that the integrand is analytic on each piece. */
-template <class Line>
-inline void forEachLine(const double S[kMonomials], bool& swapped, Line line) {
-  swapped = absolute(S[1]) > absolute(S[2]);
-  const double sa = swapped ? S[2] : S[1], sb = swapped ? S[1] : S[2];
-  const double saa = swapped ? S[4] : S[3], sbb = swapped ? S[3] : S[4], s0 = S[0], sab = S[5];
-  double split[10];
-  bool singular[10];
+/** Integration lines of the region s > 0 of a cell: outer variable a, inner variable b, the one in which s changes faster;
+ `swapped` tells that a is eta. s = s0 + sa a + saa a^2 + (sb + sab a) b + sbb b^2. */
+constexpr int kMaxLines = 56;  // 6 splits, 8 lines a piece
+struct Lines {
+  double a[kMaxLines], weight[kMaxLines];
+  int count;
+  bool swapped;
+  double s0, sa, sb, saa, sbb, sab;
+};
+
+/** The outer range is split where the rim crosses the cell's border, so that the integrand is analytic on each piece. */
+inline void findLines(const double S[kMonomials], Lines& lines) {
+  const bool swapped = lines.swapped = absolute(S[1]) > absolute(S[2]);
+  const double sa = lines.sa = swapped ? S[2] : S[1], sb = lines.sb = swapped ? S[1] : S[2];
+  const double saa = lines.saa = swapped ? S[4] : S[3], sbb = lines.sbb = swapped ? S[3] : S[4];
+  const double s0 = lines.s0 = S[0], sab = lines.sab = S[5];
+  double split[6];
+  bool turns[6];
   int n = 0;
   const auto add = [&](double a, bool isTurn) {
     if (a > -0.5 && a < 0.5) {
       int i = n++;
       for (; i > 0 && split[i - 1] > a; --i) {
         split[i] = split[i - 1];
-        singular[i] = singular[i - 1];
+        turns[i] = turns[i - 1];
       }
       split[i] = a;
-      singular[i] = isTurn;
+      turns[i] = isTurn;
     }
   };
   double root[2];
   for (double side = -0.5; side < 1; side += 1) {
-    const int count = solveQuadratic(s0 + side * (sb + sbb * side), sa + sab * side, saa, root);
+    const double c0 = s0 + side * (sb + sbb * side), c1 = sa + sab * side;
+    if (absolute(c0) > 0.5 * absolute(c1) + 0.25 * absolute(saa)) continue;  // no root on this side
+    const int count = solveQuadratic(c0, c1, saa, root);
     for (int k = 0; k < count; ++k) add(root[k], false);
   }
-  if (sbb != 0) {
+  if (absolute(sb) - 0.5 * absolute(sab) <= absolute(sbb) && sbb != 0) {
     // Where the rim turns back inside the cell the inner interval opens like a square root.
     const int count = solveQuadratic(sb * sb - 4 * sbb * s0, 2 * sb * sab - 4 * sbb * sa, sab * sab - 4 * sbb * saa, root);
     for (int k = 0; k < count; ++k) {
       if (absolute(sb + sab * root[k]) <= absolute(sbb)) add(root[k], true);
     }
   }
+  lines.count = 0;
   double from = -0.5;
   bool fromTurn = false;
   for (int piece = 0; piece <= n; ++piece) {
     const double to = piece < n ? split[piece] : 0.5;
-    const bool toTurn = piece < n && singular[piece];
+    const bool toTurn = piece < n && turns[piece];
     const double width = to - from, middle = 0.5 * (from + to);
-    const auto atLine = [&](double a, double weight) {
-      const double c0 = s0 + a * (sa + saa * a), c1 = sb + sab * a;
-      const int count = solveQuadratic(c0, c1, sbb, root);
-      double at[4] = {-0.5, 0, 0, 0};
-      int m = 1;
-      for (int k = 0; k < count; ++k) {
-        if (root[k] > -0.5 && root[k] < 0.5) at[m++] = root[k];
-      }
-      at[m] = 0.5;
-      for (int k = 0; k < m; ++k) {
-        const double b = 0.5 * (at[k] + at[k + 1]);
-        if (c0 + b * (c1 + sbb * b) > 0) line(a, weight, at[k], at[k + 1]);
-      }
+    const auto put = [&](double a, double weight) {
+      lines.a[lines.count] = a;
+      lines.weight[lines.count++] = weight;
     };
     if (width > 0) {
       if (fromTurn || toTurn) {
         for (int i = 0; i < 8; ++i) {
           const double t = Gauss<8>::x[i] + 0.5;  // a = from + width t^2 (3 - 2t): square-root ends become analytic
-          atLine(from + width * t * t * (3 - 2 * t), width * 6 * t * (1 - t) * Gauss<8>::w[i]);
+          put(from + width * t * t * (3 - 2 * t), width * 6 * t * (1 - t) * Gauss<8>::w[i]);
         }
       } else {
-        for (int i = 0; i < 5; ++i) atLine(middle + width * Gauss<5>::x[i], width * Gauss<5>::w[i]);
+        for (int i = 0; i < 5; ++i) put(middle + width * Gauss<5>::x[i], width * Gauss<5>::w[i]);
       }
     }
     from = to;
@@ -223,38 +224,100 @@ inline void forEachLine(const double S[kMonomials], bool& swapped, Line line) {
   }
 }
 
+/** Calls interval(a, weight, b0, b1) for every part of a line where s > 0. */
+template <class Interval>
+inline void forEachInterval(const Lines& lines, Interval interval) {
+  double root[2];
+  for (int i = 0; i < lines.count; ++i) {
+    const double a = lines.a[i], sbb = lines.sbb;
+    const double c0 = lines.s0 + a * (lines.sa + lines.saa * a), c1 = lines.sb + lines.sab * a;
+    const int count = solveQuadratic(c0, c1, sbb, root);
+    double at[4] = {-0.5, 0, 0, 0};
+    int m = 1;
+    for (int k = 0; k < count; ++k) {
+      if (root[k] > -0.5 && root[k] < 0.5) at[m++] = root[k];
+    }
+    at[m] = 0.5;
+    for (int k = 0; k < m; ++k) {
+      const double b = 0.5 * (at[k] + at[k + 1]);
+      if (c0 + b * (c1 + sbb * b) > 0) interval(a, lines.weight[i], at[k], at[k + 1]);
+    }
+  }
+}
+
 /** Moments of one cell. */
 struct CellMoments {
   double area[kMoments];     ///< int xi^a eta^b
-  double pressure[kSmooth];  ///< int P xi^a eta^b, in the order of monomials
-  double energy[kSmooth];    ///< int U
-  double slopeR[kMoments];   ///< int P' r xi^a eta^b: for ds (law with a slope that varies)
-  double slopeS[kMoments];   ///< int P' s xi^a eta^b: for dr
+  double pressure[8];        ///< int P xi^a eta^b, in the order of monomials; kSmooth are used
+  double energy[8];          ///< int U
+  double slopeR[16];         ///< int P' r xi^a eta^b: for ds (law with a slope that varies); kMoments are used
+  double slopeS[16];         ///< int P' s xi^a eta^b: for dr
 };
 
 /** Area moments of the whole cell, exact. */
 constexpr double kFullArea[kMoments] = {1, 0, 0, 1.0 / 12, 0, 1.0 / 12, 0, 0, 0, 0, 1.0 / 80, 0, 1.0 / 144, 0, 1.0 / 80};
 
-inline void calcRimArea(const double S[kMonomials], double area[kMoments]) {
-  double local[kMoments] = {};  // (outer, inner)
-  bool swapped = false;
-  forEachLine(S, swapped, [&](double a, double weight, double b0, double b1) {
-    double I[5];
-    double p0 = b0, p1 = b1;
-    for (int k = 0; k < 5; ++k) {
-      I[k] = weight * (p1 - p0) / (k + 1);
-      p0 *= b0;
-      p1 *= b1;
-    }
-    double power = 1;
-    for (int j = 0; j <= 4; ++j) {
-      for (int k = 0; j + k <= 4; ++k) local[momentIndex(j, k)] += power * I[k];
-      power *= a;
-    }
-  });
+/** From moments of the lines' (outer, inner) variables to those of (xi, eta). */
+inline void unswap(bool swapped, const double* local, double* moments) {
   for (int j = 0; j <= 4; ++j) {
-    for (int k = 0; j + k <= 4; ++k) area[momentIndex(j, k)] = swapped ? local[momentIndex(k, j)] : local[momentIndex(j, k)];
+    for (int k = 0; j + k <= 4; ++k) moments[momentIndex(j, k)] = swapped ? local[momentIndex(k, j)] : local[momentIndex(j, k)];
   }
+}
+
+/** Eight lines at a time. Between its two roots a quadratic has the sign against that of b^2, outside them the other. */
+inline void calcRimArea(const double S[kMonomials], double area[kMoments]) {
+  Lines lines;
+  findLines(S, lines);
+  constexpr int kLanes = 8;
+  constexpr double kFull[5] = {1, 0, 1.0 / 12, 0, 1.0 / 80};  // int b^k over the cell
+  while (lines.count % kLanes != 0) {
+    lines.a[lines.count] = 0;
+    lines.weight[lines.count++] = 0;
+  }
+  const double c2 = absolute(lines.sbb) > 1e-300 ? lines.sbb : 1e-300;  // the second root is then far away
+  const double inverse = 1 / c2, outside = c2 > 0 ? 1 : 0, sign = c2 > 0 ? -1 : 1;
+  double sums[kMoments][kLanes] = {};
+  for (int first = 0; first < lines.count; first += kLanes) {
+    double I[5][kLanes];
+    const double* a = lines.a + first;
+    const double* weight = lines.weight + first;
+    for (int l = 0; l < kLanes; ++l) {
+      const double c0 = lines.s0 + a[l] * (lines.sa + lines.saa * a[l]), c1 = lines.sb + lines.sab * a[l];
+      const double discriminant = c1 * c1 - 4 * c2 * c0;
+      const bool crosses = discriminant > 0;
+      const double root = __builtin_sqrt(crosses ? discriminant : 0);
+      const double q = -0.5 * (c1 < 0 ? c1 - root : c1 + root);
+      const double r1 = q * inverse, r2 = q != 0 ? c0 / q : r1;
+      double lo = r1 < r2 ? r1 : r2, hi = r1 < r2 ? r2 : r1;
+      lo = lo > -0.5 ? lo : -0.5;
+      lo = lo < 0.5 ? lo : 0.5;
+      hi = hi > -0.5 ? hi : -0.5;
+      hi = hi < 0.5 ? hi : 0.5;
+      lo = crosses ? lo : 0;
+      hi = crosses ? hi : 0;
+      const double base = crosses ? outside : c0 > 0 ? 1 : 0;
+      const double lo2 = lo * lo, hi2 = hi * hi;
+      I[0][l] = weight[l] * (base * kFull[0] + sign * (hi - lo));
+      I[1][l] = weight[l] * (sign / 2) * (hi2 - lo2);
+      I[2][l] = weight[l] * (base * kFull[2] + (sign / 3) * (hi2 * hi - lo2 * lo));
+      I[3][l] = weight[l] * (sign / 4) * (hi2 * hi2 - lo2 * lo2);
+      I[4][l] = weight[l] * (base * kFull[4] + (sign / 5) * (hi2 * hi2 * hi - lo2 * lo2 * lo));
+    }
+    double power[kLanes];
+    for (int l = 0; l < kLanes; ++l) power[l] = 1;
+    for (int j = 0; j <= 4; ++j) {
+      for (int k = 0; j + k <= 4; ++k) {
+        for (int l = 0; l < kLanes; ++l) sums[momentIndex(j, k)][l] += power[l] * I[k][l];
+      }
+      for (int l = 0; l < kLanes; ++l) power[l] *= a[l];
+    }
+  }
+  double local[kMoments];
+  for (int i = 0; i < kMoments; ++i) {
+    const double* x = sums[i];
+    local[i] = ((x[0] + x[4]) + (x[1] + x[5])) + ((x[2] + x[6]) + (x[3] + x[7]));
+  }
+  unswap(lines.swapped, local, area);
 }
 
 /** P = s: moments of s over a full cell. */
@@ -277,75 +340,111 @@ inline void calcLinearMoments(const double S[kMonomials], const double area[kMom
   }
 }
 
-/** Adds one quadrature point to the moments of a law. `response` gives p, dp/dstrain and energy density at a strain. */
-template <bool WithEnergy, bool WithSlope, class Response>
-inline void addPoint(double weight, double xi, double eta, const double S[kMonomials], const double R[kSmooth], const Response& response,
-                     CellMoments& m) {
-  const double s = evaluateAt(S, xi, eta);
-  const double r = R[0] + xi * (R[1] + R[3] * xi) + eta * (R[2] + R[4] * eta);
-  double p = 0, dp = 0, energy = 0;
-  response(s * r, p, dp, energy);
-  const double monomial[kSmooth] = {1, xi, eta, xi * xi, eta * eta};
-  const double wp = weight * p;
-  for (int k = 0; k < kSmooth; ++k) m.pressure[k] += wp * monomial[k];
-  if (WithEnergy) {
-    for (int k = 0; k < kSmooth; ++k) m.energy[k] += weight * energy * monomial[k];
-  }
-  if (WithSlope) {
-    const double wr = weight * dp * r, ws = weight * dp * s;
-    const double x[5] = {1, xi, xi * xi, xi * xi * xi, xi * xi * xi * xi};
-    double y = 1;
-    for (int b = 0; b <= 4; ++b) {
-      for (int a = 0; a + b <= 4; ++a) {
-        m.slopeR[momentIndex(a, b)] += wr * y * x[a];
-        m.slopeS[momentIndex(a, b)] += ws * y * x[a];
+/** Monomials of a tensor Gauss rule, times its weights: of the moments (15 of 16) and of the smooth ones (5 of 8). */
+template <int N>
+struct TensorRule {
+  double moments[N * N][16], smooth[N * N][8], xi[N * N], eta[N * N];
+  constexpr TensorRule() : moments{}, smooth{}, xi{}, eta{} {
+    for (int i = 0; i < N; ++i) {
+      for (int j = 0; j < N; ++j) {
+        const int k = N * i + j;
+        xi[k] = Gauss<N>::x[i];
+        eta[k] = Gauss<N>::x[j];
+        double powerXi = Gauss<N>::w[i] * Gauss<N>::w[j];
+        for (int a = 0; a <= 4; ++a) {
+          double power = powerXi;
+          for (int b = 0; a + b <= 4; ++b) {
+            moments[k][momentIndex(a, b)] = power;
+            power *= eta[k];
+          }
+          powerXi *= xi[k];
+        }
+        for (int m = 0; m < kSmooth; ++m) smooth[k][m] = moments[k][momentIndex(kPowers[m][0], kPowers[m][1])];
       }
-      y *= eta;
     }
+  }
+};
+template <int N>
+constexpr TensorRule<N> kTensor{};
+
+inline double evaluateSmoothAt(const double R[kSmooth], double xi, double eta) {
+  return R[0] + xi * (R[1] + R[3] * xi) + eta * (R[2] + R[4] * eta);
+}
+
+template <int N, bool WithEnergy, bool WithSlope, class Response>
+inline void addTensor(const double S[kMonomials], const double R[kSmooth], const Response& response, CellMoments& m) {
+  const TensorRule<N>& rule = kTensor<N>;
+  double pressure[8] = {}, energies[8] = {}, slopeR[16] = {}, slopeS[16] = {};
+  for (int i = 0; i < N * N; ++i) {
+    const double s = evaluateAt(S, rule.xi[i], rule.eta[i]), r = evaluateSmoothAt(R, rule.xi[i], rule.eta[i]);
+    double p = 0, dp = 0, energy = 0;
+    response(s * r, p, dp, energy);
+    for (int k = 0; k < 8; ++k) pressure[k] += p * rule.smooth[i][k];
+    if (WithEnergy) {
+      for (int k = 0; k < 8; ++k) energies[k] += energy * rule.smooth[i][k];
+    }
+    if (WithSlope) {
+      const double x = dp * r, y = dp * s;
+      for (int k = 0; k < 16; ++k) slopeR[k] += x * rule.moments[i][k];
+      for (int k = 0; k < 16; ++k) slopeS[k] += y * rule.moments[i][k];
+    }
+  }
+  for (int k = 0; k < 8; ++k) {
+    m.pressure[k] = pressure[k];
+    m.energy[k] = energies[k];
+  }
+  for (int k = 0; k < 16; ++k) {
+    m.slopeR[k] = slopeR[k];
+    m.slopeS[k] = slopeS[k];
   }
 }
 
-/** Moments of a nonlinear law: tensor Gauss points in a full cell, Gauss points along the integration lines at the rim. */
+/** Moments of a nonlinear law: tensor Gauss points in a full cell, Gauss points along the integration lines at the rim.
+ `response` gives p, dp/dstrain and energy density at a strain. */
 template <bool WithEnergy, bool WithSlope, class Response>
 inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape,
                            const Response& response, CellMoments& m) {
-  for (int k = 0; k < kSmooth; ++k) m.pressure[k] = m.energy[k] = 0;
-  if (WithSlope) {
-    for (int k = 0; k < kMoments; ++k) m.slopeR[k] = m.slopeS[k] = 0;
-  }
   const double center = S[0] * R[0], half = 0.5 * (absolute(S[1]) + absolute(S[2])) * R[0];
   if (full) {
     const double ratio = smaller(center + shape.atZero, shape.atOne - center) / half;
-    const auto tensor = [&](auto rule, int n) {
-      using Rule = decltype(rule);
-      for (int i = 0; i < n; ++i) {
-        for (int j = 0; j < n; ++j) {
-          addPoint<WithEnergy, WithSlope>(Rule::w[i] * Rule::w[j], Rule::x[i], Rule::x[j], S, R, response, m);
-        }
-      }
-    };
     if (ratio > 10) {
-      tensor(Gauss<3>{}, 3);
+      addTensor<3, WithEnergy, WithSlope>(S, R, response, m);
     } else if (ratio > 5) {
-      tensor(Gauss<4>{}, 4);
+      addTensor<4, WithEnergy, WithSlope>(S, R, response, m);
     } else {
-      tensor(Gauss<5>{}, 5);
+      addTensor<5, WithEnergy, WithSlope>(S, R, response, m);
     }
     return;
   }
   // From the rim, strain 0, to the cell's deepest point.
   const double deepest = larger(center, 0.0) + half;
   const bool mild = shape.atZero > 5 * deepest && shape.atOne > 10 * deepest;
-  bool swapped = false;
-  forEachLine(S, swapped, [&](double a, double weight, double b0, double b1) {
+  Lines lines;
+  findLines(S, lines);
+  const double q0 = lines.swapped ? R[2] : R[1], q1 = lines.swapped ? R[1] : R[2];
+  const double q00 = lines.swapped ? R[4] : R[3], q11 = lines.swapped ? R[3] : R[4];
+  // Sums over the inner variable: of P b^k, U b^k and the slopes' b^k.
+  double pressure[kSmooth] = {}, energies[kSmooth] = {}, slopeR[kMoments] = {}, slopeS[kMoments] = {};  // (outer, inner)
+  forEachInterval(lines, [&](double a, double weight, double b0, double b1) {
+    const double s0 = lines.s0 + a * (lines.sa + lines.saa * a), s1 = lines.sb + lines.sab * a, s2 = lines.sbb;
+    const double r0 = R[0] + a * (q0 + q00 * a);
+    double sumP[8] = {}, sumU[8] = {}, sumR[8] = {}, sumS[8] = {};
     const auto at = [&](double w, double b) {
-      addPoint<WithEnergy, WithSlope>(w, swapped ? b : a, swapped ? a : b, S, R, response, m);
+      const double s = s0 + b * (s1 + s2 * b), r = r0 + b * (q1 + q11 * b);
+      double p = 0, dp = 0, energy = 0;
+      response(s * r, p, dp, energy);
+      const double b2 = b * b;
+      const double powers[8] = {w, w * b, w * b2, w * b2 * b, w * b2 * b2, 0, 0, 0};
+      const double x = dp * r, y = dp * s;
+      for (int k = 0; k < 8; ++k) {
+        sumP[k] += p * powers[k];
+        if (WithEnergy) sumU[k] += energy * powers[k];
+        if (WithSlope) {
+          sumR[k] += x * powers[k];
+          sumS[k] += y * powers[k];
+        }
+      }
     };
-    if (mild) {
-      const double width = b1 - b0, middle = 0.5 * (b0 + b1);
-      for (int k = 0; k < 4; ++k) at(weight * width * Gauss<4>::w[k], middle + width * Gauss<4>::x[k]);
-      return;
-    }
     // Points crowd at the rim, where the law bends most: b = rim + width t^2. An interval between two rims gets them at both.
     const auto isRim = [](double b) { return b > -0.5 && b < 0.5; };
     const auto graded = [&](double rim, double width) {
@@ -354,7 +453,10 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
         at(weight * absolute(width) * 2 * u * Gauss<8>::w[k], rim + width * u * u);
       }
     };
-    if (isRim(b0) && isRim(b1)) {
+    if (mild) {
+      const double width = b1 - b0, middle = 0.5 * (b0 + b1);
+      for (int k = 0; k < 4; ++k) at(weight * width * Gauss<4>::w[k], middle + width * Gauss<4>::x[k]);
+    } else if (isRim(b0) && isRim(b1)) {
       const double middle = 0.5 * (b0 + b1);
       graded(b0, middle - b0);
       graded(b1, middle - b1);
@@ -363,7 +465,36 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
     } else {
       graded(b0, b1 - b0);
     }
+    const double a2 = a * a;
+    const auto addSmooth = [&](const double* sums, double* to) {  // 1, a, b, a^2, b^2
+      to[0] += sums[0];
+      to[1] += a * sums[0];
+      to[2] += sums[1];
+      to[3] += a2 * sums[0];
+      to[4] += sums[2];
+    };
+    addSmooth(sumP, pressure);
+    if (WithEnergy) addSmooth(sumU, energies);
+    if (WithSlope) {
+      double power = 1;
+      for (int j = 0; j <= 4; ++j) {
+        for (int k = 0; j + k <= 4; ++k) {
+          slopeR[momentIndex(j, k)] += power * sumR[k];
+          slopeS[momentIndex(j, k)] += power * sumS[k];
+        }
+        power *= a;
+      }
+    }
   });
+  constexpr int kSwap[kSmooth] = {0, 2, 1, 4, 3};
+  for (int k = 0; k < kSmooth; ++k) {
+    m.pressure[k] = pressure[lines.swapped ? kSwap[k] : k];
+    m.energy[k] = energies[lines.swapped ? kSwap[k] : k];
+  }
+  if (WithSlope) {
+    unswap(lines.swapped, slopeR, m.slopeR);
+    unswap(lines.swapped, slopeS, m.slopeS);
+  }
 }
 
 }  // namespace

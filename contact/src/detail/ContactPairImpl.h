@@ -83,7 +83,8 @@ struct CompartmentMemory {
   std::vector<CellTask> tasks;         // cells that may be in contact, in element order
   Numbers cells;                       // their results, see CellKernel.h
   int cellStride = 0;
-  // Way of the fastest point of the grid's box, summed over the evaluations; an element cannot touch before its mark.
+  // Way of the fastest point of the grid's box, summed over the evaluations, and what each element's mark
+  // promises until then (SmoothRule.cpp).
   double way_m = 0;
   std::vector<double> mark_m;
   Pose last_FM;

@@ -6,7 +6,7 @@ namespace genu::contact::detail {
 
 /** Pieces of a pressure law in strain, 32 an octave of x = strain + scale, found by the leading bits of x. */
 struct LawTable {
-  static constexpr int kStride = 8;  // center, energy at the center, coefficients 0 to 4 of x - center, unused
+  static constexpr int kStride = 8;  // center, energy at the center, coefficients 0 to 5 of x - center
   static constexpr int kShift = 47;  // keeps sign, exponent and 5 bits of the mantissa
   const double* pieces;
   unsigned long firstBits;
@@ -25,10 +25,11 @@ inline void readTable(const LawTable& table, double strain, double& p, double& d
   const double* c = table.pieces + ((bits >> LawTable::kShift) - table.firstBits) * LawTable::kStride;
   const double t = x - c[0];
   const double* a = c + 2;
-  p = a[0] + t * (a[1] + t * (a[2] + t * (a[3] + t * a[4])));
-  dp = a[1] + t * (2 * a[2] + t * (3 * a[3] + t * (4 * a[4])));
+  p = a[0] + t * (a[1] + t * (a[2] + t * (a[3] + t * (a[4] + t * a[5]))));
+  dp = a[1] + t * (2 * a[2] + t * (3 * a[3] + t * (4 * a[4] + t * (5 * a[5]))));
   if (WithEnergy) {
-    energy = c[1] + t * (a[0] + t * (a[1] * (1.0 / 2) + t * (a[2] * (1.0 / 3) + t * (a[3] * (1.0 / 4) + t * (a[4] * (1.0 / 5))))));
+    energy = c[1] + t * (a[0] + t * (a[1] * (1.0 / 2) + t * (a[2] * (1.0 / 3) + t * (a[3] * (1.0 / 4) +
+                    t * (a[4] * (1.0 / 5) + t * (a[5] * (1.0 / 6)))))));
   }
 }
 

@@ -7,7 +7,7 @@
 
 namespace genu::contact::detail {
 
-/** A pressure law p(e), e = d/h, as polynomials of degree 4 on pieces that grow geometrically with e (32 an octave), built
+/** A pressure law p(e), e = d/h, as polynomials of degree 5 on pieces that grow geometrically with e (32 an octave), built
  once: the same few nanoseconds for every law, root finding or not. The slope is the polynomial's derivative and the
  energy density (int p de) its integral, so the three agree to rounding.
  Range 0 <= e <= 0.9; larger strains use the law itself (its continuation starts at 0.95).
