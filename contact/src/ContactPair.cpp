@@ -38,12 +38,11 @@ std::unique_ptr<PressureTable> makeTable(const ContactPairDefinition& d) {
   return table->relativeError() < 1e-9 ? std::move(table) : nullptr;
 }
 
-/** Of layers in series, only that a power law bends or a layer can be used up is told. */
 LawShape makeShape(const ContactPairDefinition& d) {
   LawShape shape = calcLawShape(d.material, d.strain);
-  if (d.movingMaterial && !(*d.movingMaterial == d.material)) {
+  if (d.movingMaterial) {  // in series: the one that bends first
     const LawShape other = calcLawShape(*d.movingMaterial, d.strain);
-    if (d.material.law != MaterialLaw::linear || d.movingMaterial->law != MaterialLaw::linear) shape.atZero = 0;
+    shape.atZero = std::min(shape.atZero, other.atZero);
     shape.atOne = std::min(shape.atOne, other.atOne);
   }
   return shape;

@@ -86,13 +86,12 @@ void PressureTable::calcBeyond(double e, double& p, double& dpde, double& energy
 
 LawShape calcLawShape(const Material& material, StrainMeasure strain) {
   constexpr double kNowhere = 1e300;
-  LawShape shape = {kNowhere, strain == StrainMeasure::large ? 1.0 : kNowhere};
+  LawShape shape = {kNowhere, strain == StrainMeasure::large ? 1.0 : kNowhere, gradedRules()};
   if (material.law == MaterialLaw::linear || material.n == 1) return shape;
   // s + m s^n = y has a singularity where dy/ds = 1 + m n s^(n-1) vanishes: |s|^(n-1) = 1/(m n), there |y| = |s| (1 - 1/n).
   const double n = material.n, m = material.law == MaterialLaw::powerLaw ? n : 1;
   const double s = std::pow(m * n, -1 / (n - 1));
   shape.atZero = s * (1 - 1 / n) * material.eps0 / (2 * material.confinementFactor());
-  if (n != std::floor(n)) shape.atZero = 0;  // s^n itself is singular at 0
   return shape;
 }
 

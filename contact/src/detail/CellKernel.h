@@ -7,11 +7,22 @@
 
 namespace genu::contact::detail {
 
-/** How a law bends: distances of its nearest singularities in strain, from 0 (a power law turns there within this strain) and
- from 1 (large strain). Gauss points follow from the ratio of that distance to the half width of the strain in a cell: n points
- err by about (2 ratio)^(-2n). */
+/** Gauss points on [0, 1], crowded at 0: x = sinh(t u) / sinh(t). A law whose strain runs from 0 to e_max and that has
+ singularities at +-i a is then sampled evenly in asinh(e/a): t = asinh(e_max/a). */
+struct GradedRule {
+  static constexpr int kPoints = 6, kLevels = 16;  // t = (level + 1) / 2
+  double largestRatio;                             // sinh(t)
+  double x[kPoints], w[kPoints];
+};
+/** kLevels rules, made once. */
+const GradedRule* gradedRules();
+
+/** How a law bends: distances of its nearest singularities in strain, from 0 (a power law turns there, at +-i atZero) and from
+ 1 (large strain). Gauss points follow from the ratio of that distance to the half width of the strain in a cell: n points err by
+ about (2 ratio)^(-2n). */
 struct LawShape {
   double atZero, atOne;  // huge where there is none
+  const GradedRule* graded;
 };
 
 struct LawView {

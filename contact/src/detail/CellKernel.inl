@@ -17,6 +17,7 @@ inline V8 load8(const double* p) {
 inline void store8(V8 v, double* p) { __builtin_memcpy(p, &v, sizeof v); }
 inline void add8(V8 v, double* p) { store8(load8(p) + v, p); }
 
+template <bool kWithEnergy>
 struct Response {
   const LawView& law;
   int element;
@@ -26,7 +27,7 @@ struct Response {
       dp = law.K_Pa;
       energy = 0.5 * p * strain;
     } else if (law.kind == LawView::table && strain < law.pieces.largestStrain) {
-      readTable<true>(law.pieces, larger(strain, 0.0), p, dp, energy);
+      readTable<kWithEnergy>(law.pieces, larger(strain, 0.0), p, dp, energy);
     } else {
       double out[3];
       law.respond(law.self, element, strain, out);
@@ -207,16 +208,15 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
     double R[kSmooth] = {};
     if (!isLinear || withEnergy) gatherR(g, stencil, task.mask, R);
     if (isLinear) {
-      if (withEnergy) calcLawMoments<true, false>(S, R, full, law.shape, Response{law, task.element}, m);
+      if (withEnergy) calcLawMoments<true, false>(S, R, full, law.shape, Response<true>{law, task.element}, m);
       if (full) {
         calcFullLinearMoments(S, m.pressure);
       } else {
         calcLinearMoments(S, m.area, m.pressure);
       }
     } else {
-      const Response response{law, task.element};
-      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law.shape, response, m)
-                 : calcLawMoments<false, kWithStiffness>(S, R, full, law.shape, response, m);
+      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law.shape, Response<true>{law, task.element}, m)
+                 : calcLawMoments<false, kWithStiffness>(S, R, full, law.shape, Response<false>{law, task.element}, m);
     }
     const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
     spread(m.pressure, task.mask, out);

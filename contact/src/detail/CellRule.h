@@ -133,21 +133,25 @@ template <int N>
 struct Gauss;
 template <>
 struct Gauss<3> {
+  static constexpr int n = 3;
   static constexpr double x[3] = {-0.3872983346207417, 0, 0.3872983346207417};
   static constexpr double w[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 };
 template <>
 struct Gauss<4> {
+  static constexpr int n = 4;
   static constexpr double x[4] = {-0.4305681557970263, -0.1699905217924281, 0.1699905217924281, 0.4305681557970263};
   static constexpr double w[4] = {0.1739274225687269, 0.3260725774312731, 0.3260725774312731, 0.1739274225687269};
 };
 template <>
 struct Gauss<5> {
+  static constexpr int n = 5;
   static constexpr double x[5] = {-0.4530899229693320, -0.2692346550528416, 0, 0.2692346550528416, 0.4530899229693320};
   static constexpr double w[5] = {0.1184634425280945, 0.2393143352496832, 0.2844444444444444, 0.2393143352496832, 0.1184634425280945};
 };
 template <>
 struct Gauss<8> {
+  static constexpr int n = 8;
   static constexpr double x[8] = {-0.4801449282487681, -0.3983332387068134, -0.2627662049581645, -0.0917173212478249,
                                   0.0917173212478249,  0.2627662049581645,  0.3983332387068134,  0.4801449282487681};
   static constexpr double w[8] = {0.0506142681451881, 0.1111905172266872, 0.1568533229389437, 0.1813418916891810,
@@ -164,8 +168,17 @@ struct Lines {
   double s0, sa, sb, saa, sbb, sab;
 };
 
-/** The outer range is split where the rim crosses the cell's border, so that the integrand is analytic on each piece. */
-inline void findLines(const double S[kMonomials], Lines& lines) {
+/** The rule for a law whose strain runs from nearly 0 to `strain`. */
+inline const GradedRule& findGraded(const LawShape& shape, double strain) {
+  const GradedRule* rule = shape.graded;
+  const GradedRule* last = rule + GradedRule::kLevels - 1;
+  while (rule != last && strain > shape.atZero * rule->largestRatio) ++rule;
+  return *rule;
+}
+
+/** The outer range is split where the rim crosses the cell's border, so that the integrand is analytic on each piece. With a law,
+ points crowd where a piece's lines reach little depth; r is the cell's strain per s. */
+inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* shape = nullptr, double r = 0) {
   const bool swapped = lines.swapped = absolute(S[1]) > absolute(S[2]);
   const double sa = lines.sa = swapped ? S[2] : S[1], sb = lines.sb = swapped ? S[1] : S[2];
   const double saa = lines.saa = swapped ? S[4] : S[3], sbb = lines.sbb = swapped ? S[3] : S[4];
@@ -216,7 +229,30 @@ inline void findLines(const double S[kMonomials], Lines& lines) {
           put(from + width * t * t * (3 - 2 * t), width * 6 * t * (1 - t) * Gauss<8>::w[i]);
         }
       } else {
-        for (int i = 0; i < 5; ++i) put(middle + width * Gauss<5>::x[i], width * Gauss<5>::w[i]);
+        double shallow = 1, deep = 1;
+        bool turned = false;
+        if (shape != nullptr) {
+          const auto depth = [&](double a) {  // at the deeper end of the line
+            const double c0 = s0 + a * (sa + saa * a) + 0.25 * sbb, c1 = 0.5 * (sb + sab * a);
+            return larger(c0 + absolute(c1), 0.0) * r;
+          };
+          shallow = depth(from);
+          deep = depth(to);
+          turned = shallow > deep;
+          if (turned) {
+            const double t = shallow;
+            shallow = deep;
+            deep = t;
+          }
+        }
+        if (shallow < 0.5 * deep) {
+          const GradedRule& rule = findGraded(*shape, deep);
+          for (int i = 0; i < GradedRule::kPoints; ++i) {
+            put(turned ? to - width * rule.x[i] : from + width * rule.x[i], width * rule.w[i]);
+          }
+        } else {
+          for (int i = 0; i < 5; ++i) put(middle + width * Gauss<5>::x[i], width * Gauss<5>::w[i]);
+        }
       }
     }
     from = to;
@@ -406,21 +442,17 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
                            const Response& response, CellMoments& m) {
   const double center = S[0] * R[0], half = 0.5 * (absolute(S[1]) + absolute(S[2])) * R[0];
   if (full) {
-    const double ratio = smaller(center + shape.atZero, shape.atOne - center) / half;
-    if (ratio > 10) {
-      addTensor<3, WithEnergy, WithSlope>(S, R, response, m);
-    } else if (ratio > 5) {
-      addTensor<4, WithEnergy, WithSlope>(S, R, response, m);
-    } else {
-      addTensor<5, WithEnergy, WithSlope>(S, R, response, m);
+    const double ratio = smaller(larger(center, shape.atZero), shape.atOne - center) / half;
+    if (ratio > 2) {
+      ratio > 4 ? addTensor<3, WithEnergy, WithSlope>(S, R, response, m) : addTensor<4, WithEnergy, WithSlope>(S, R, response, m);
+      return;
     }
-    return;
   }
   // From the rim, strain 0, to the cell's deepest point.
   const double deepest = larger(center, 0.0) + half;
   const bool mild = shape.atZero > 5 * deepest && shape.atOne > 10 * deepest;
   Lines lines;
-  findLines(S, lines);
+  findLines(S, lines, mild ? nullptr : &shape, R[0]);
   const double q0 = lines.swapped ? R[2] : R[1], q1 = lines.swapped ? R[1] : R[2];
   const double q00 = lines.swapped ? R[4] : R[3], q11 = lines.swapped ? R[3] : R[4];
   // Sums over the inner variable: of P b^k, U b^k and the slopes' b^k.
@@ -445,25 +477,33 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
         }
       }
     };
-    // Points crowd at the rim, where the law bends most: b = rim + width t^2. An interval between two rims gets them at both.
-    const auto isRim = [](double b) { return b > -0.5 && b < 0.5; };
-    const auto graded = [&](double rim, double width) {
-      for (int k = 0; k < 8; ++k) {
-        const double u = Gauss<8>::x[k] + 0.5;
-        at(weight * absolute(width) * 2 * u * Gauss<8>::w[k], rim + width * u * u);
-      }
-    };
-    if (mild) {
+    const auto plain = [&](auto rule) {
+      using Rule = decltype(rule);
       const double width = b1 - b0, middle = 0.5 * (b0 + b1);
-      for (int k = 0; k < 4; ++k) at(weight * width * Gauss<4>::w[k], middle + width * Gauss<4>::x[k]);
-    } else if (isRim(b0) && isRim(b1)) {
-      const double middle = 0.5 * (b0 + b1);
-      graded(b0, middle - b0);
-      graded(b1, middle - b1);
-    } else if (isRim(b1)) {
-      graded(b1, b0 - b1);
+      for (int k = 0; k < Rule::n; ++k) at(weight * width * Rule::w[k], middle + width * Rule::x[k]);
+    };
+    const auto graded = [&](double shallow, double deep, double strain) {
+      const GradedRule& rule = findGraded(shape, strain);
+      const double width = deep - shallow, scale = weight * absolute(width);
+      for (int k = 0; k < GradedRule::kPoints; ++k) at(scale * rule.w[k], shallow + width * rule.x[k]);
+    };
+    const auto strainAt = [&](double b) { return larger(s0 + b * (s1 + s2 * b), 0.0) * (r0 + b * (q1 + q11 * b)); };
+    if (mild) {
+      plain(Gauss<4>{});
     } else {
-      graded(b0, b1 - b0);
+      const double e0 = strainAt(b0), e1 = strainAt(b1);
+      const bool rim0 = b0 > -0.5 && b0 < 0.5, rim1 = b1 > -0.5 && b1 < 0.5;
+      if (rim0 && rim1) {
+        const double middle = 0.5 * (b0 + b1), deep = strainAt(middle);
+        graded(b0, middle, deep);
+        graded(b1, middle, deep);
+      } else if (e0 < 0.5 * e1) {
+        graded(b0, b1, e1);
+      } else if (e1 < 0.5 * e0) {
+        graded(b1, b0, e0);
+      } else {
+        plain(Gauss<5>{});
+      }
     }
     const double a2 = a * a;
     const auto addSmooth = [&](const double* sums, double* to) {  // 1, a, b, a^2, b^2
