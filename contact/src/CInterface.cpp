@@ -19,11 +19,24 @@ struct genu_surface {
 struct genu_pair {
   std::shared_ptr<const gc::ContactPair> pair;
 };
+namespace {
+/** The caller's threads. */
+class CallersRunner final : public gc::TaskRunner {
+ public:
+  genu_task_runner runner{};
+  void run(int count, void (*task)(void* context, int index), void* context) const override {
+    runner.run(runner.user, count, task, context);
+  }
+  int numThreads() const override { return runner.num_threads; }
+};
+}  // namespace
+
 struct genu_workspace {
   std::shared_ptr<const gc::ContactPair> pair;  // kept alive: pair and workspace may be destroyed in any order
   gc::ContactWorkspace workspace;
   gc::ContactResult result;
   bool evaluated = false;
+  CallersRunner runner{};
 };
 
 namespace {
@@ -476,6 +489,17 @@ void genu_workspace_reset(genu_workspace* workspace) {
   if (!workspace) return;
   workspace->workspace.reset();
   workspace->evaluated = false;
+}
+
+genu_status genu_workspace_set_task_runner(genu_workspace* workspace, const genu_task_runner* runner) {
+  return guard([&] {
+    require(workspace != nullptr, "task runner: workspace is NULL");
+    require(runner == nullptr || runner->run != nullptr, "task runner: run is NULL");
+    require(runner == nullptr || runner->num_threads >= 1, "task runner: num_threads is less than 1");
+    workspace->runner.runner = runner != nullptr ? *runner : genu_task_runner{};
+    workspace->workspace.setTaskRunner(runner != nullptr ? &workspace->runner : nullptr);
+    return GENU_OK;
+  });
 }
 
 void genu_workspace_destroy(genu_workspace* workspace) { delete workspace; }

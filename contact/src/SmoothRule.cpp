@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "detail/CellRule.h"
 #include "detail/ContactPairImpl.h"
@@ -531,16 +532,72 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   m.mark_m.resize(n);
 }
 
+namespace {
+
+/** Runs phases of up to kGroup compartments: task (compartment, block) in order, or side by side. */
+struct Group {
+  static constexpr size_t kGroup = 8;
+  std::array<std::optional<SmoothEvaluation>, kGroup> evaluations;
+  size_t count = 0;
+  const TaskRunner* runner = nullptr;  // nullptr: in order
+
+  template <class CountBlocks, class RunBlock>
+  void run(CountBlocks countBlocks, RunBlock runBlock) {
+    std::array<int, kGroup + 1> first{};
+    for (size_t k = 0; k < count; ++k) first[k + 1] = first[k] + countBlocks(*evaluations[k]);
+    if (runner == nullptr) {
+      for (size_t k = 0; k < count; ++k) {
+        for (int i = 0; i < first[k + 1] - first[k]; ++i) runBlock(*evaluations[k], i);
+      }
+      return;
+    }
+    struct Context {
+      Group& group;
+      const std::array<int, kGroup + 1>& first;
+      RunBlock& runBlock;
+    } context{*this, first, runBlock};
+    runner->run(first[count],
+                [](void* pointer, int index) {
+                  Context& c = *static_cast<Context*>(pointer);
+                  size_t k = 0;
+                  while (index >= c.first[k + 1]) ++k;
+                  c.runBlock(*c.group.evaluations[k], index - c.first[k]);
+                },
+                &context);
+  }
+};
+
+/** Queries below which threads cost more than they give: starting them takes as long as some hundred queries. */
+constexpr size_t kQueriesWorthThreads = 2000;
+
+}  // namespace
+
 void ContactPair::Impl::evaluateSmooth(std::vector<CompartmentMemory>& memory, EvaluationTask& task) const {
-  for (size_t k = 0; k < compartments.size(); ++k) {
-    SmoothEvaluation e(*this, compartments[k], task, memory[k], task.loads[k]);
-    e.findCandidates();
-    for (int i = 0; i < e.numNodeBlocks(); ++i) e.queryBlock(i);
-    e.testCandidates();
-    for (int i = 0; i < e.numCellBlocks(); ++i) e.integrateBlock(i);
-    e.sum();
-    *task.queries += e.numNodes();
-    if (task.withStiffness) {
+  const auto one = [](const SmoothEvaluation&) { return 1; };
+  for (size_t from = 0; from < compartments.size(); from += Group::kGroup) {
+    Group group;
+    group.count = std::min(Group::kGroup, compartments.size() - from);
+    size_t lastQueries = 0;
+    for (size_t k = 0; k < group.count; ++k) {
+      lastQueries += memory[from + k].nodes.size();
+      group.evaluations[k].emplace(*this, compartments[from + k], task, memory[from + k], task.loads[from + k]);
+    }
+    // As much to do as last time, or everything on a first one.
+    if (task.runner != nullptr && task.runner->numThreads() > 1) {
+      for (size_t k = 0; k < group.count; ++k) {
+        if (!memory[from + k].hasLast) lastQueries += compartments[from + k].numNodes();
+      }
+      if (lastQueries >= kQueriesWorthThreads) group.runner = task.runner;
+    }
+    group.run(one, [](SmoothEvaluation& e, int) { e.findCandidates(); });
+    group.run([](const SmoothEvaluation& e) { return e.numNodeBlocks(); }, [](SmoothEvaluation& e, int i) { e.queryBlock(i); });
+    group.run(one, [](SmoothEvaluation& e, int) { e.testCandidates(); });
+    group.run([](const SmoothEvaluation& e) { return e.numCellBlocks(); }, [](SmoothEvaluation& e, int i) { e.integrateBlock(i); });
+    group.run(one, [](SmoothEvaluation& e, int) { e.sum(); });
+    for (size_t k = 0; k < group.count; ++k) {
+      const SmoothEvaluation& e = *group.evaluations[k];
+      *task.queries += e.numNodes();
+      if (!task.withStiffness) continue;
       using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
       task.byMotion += Eigen::Map<const Rows>(e.stiffness().byMotion).leftCols<6>();
       task.byRate += Eigen::Map<const Rows>(e.stiffness().byRate).leftCols<6>();

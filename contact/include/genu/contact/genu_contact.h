@@ -216,6 +216,18 @@ GENU_API genu_status genu_workspace_create(const genu_pair* pair, genu_workspace
 GENU_API void genu_workspace_reset(genu_workspace* workspace);
 GENU_API void genu_workspace_destroy(genu_workspace* workspace);
 
+/* Somebody's threads. `run` calls task(context, i) once for every i in [0, count), in any order and on any threads, and returns when
+   all are done. Library genu_contact_threads has one. */
+typedef struct genu_task_runner {
+  void (*run)(void* user, int count, void (*task)(void* context, int index), void* context);
+  void* user;
+  int num_threads; /* that may work at a time, >= 1 */
+} genu_task_runner;
+
+/* Evaluations with this workspace use these threads (smooth rule) where there is enough to do; results are bitwise the same for
+   any number of threads. The struct is copied; what it points to must outlive its use. NULL: the calling thread alone. */
+GENU_API genu_status genu_workspace_set_task_runner(genu_workspace* workspace, const genu_task_runner* runner);
+
 typedef struct genu_load {
   double force_on_moving[3], moment_on_moving_about_fixed_origin[3]; /* in F [N], [N m] */
   double force_on_fixed[3], moment_on_fixed_about_fixed_origin[3];   /* the opposite */
