@@ -60,7 +60,7 @@ ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_un
     const size_t n = compartments[k].size();
     CompartmentMemory& m = impl_->compartments[k];
     if (pair.impl_->definition.rule == ContactRule::smooth) {
-      ContactPair::Impl::sizeSmoothMemory(compartments[k], m);
+      pair.impl_->sizeSmoothMemory(compartments[k], m);
     } else {
       m.foot.resize(n);
       m.p_MA.resize(n);
@@ -110,6 +110,14 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
   if (definition.movingMaterial) definition.movingMaterial->validate();
   if (!(definition.damping_sPerM >= 0) || !std::isfinite(definition.damping_sPerM)) {
     fail("contact pair: damping = ", definition.damping_sPerM, " s/m is not allowed; allowed: 0 s/m or more");
+  }
+  if (definition.correction == Correction::energy) {
+    if (definition.rule != ContactRule::smooth) {
+      fail("contact pair: correction energy is the gradient of the smooth rule's energy; the centre rule has none, because its load jumps");
+    }
+    if (definition.damping_sPerM > 0) {
+      fail("contact pair: correction energy with damping = ", definition.damping_sPerM, " s/m is not available; choose one of them");
+    }
   }
   validateThickness("fixed", definition.fixedThickness);
   validateThickness("moving", definition.movingThickness);

@@ -5,6 +5,7 @@
 
 #include "detail/CellRule.h"
 #include "detail/ContactPairImpl.h"
+#include "detail/EnergyRule.h"
 
 namespace genu::contact {
 
@@ -68,6 +69,27 @@ const GradedRule* detail::gradedRules() {
     return rules;
   }();
   return table.data();
+}
+
+bool detail::calcThicknessSlopeInM(const PairData& impl, const Compartment& c, const TrackedFoot& foot, double out[3]) {
+  const auto row = [](const double* a) { return Vec3(a[0], a[1], a[2]); };
+  Vec3 slope;
+  if (impl.movingLayer == MovingLayer::map) {
+    double dhdu = 0, dhdv = 0;
+    c.map->interpolate(foot.patch, foot.u, foot.v, dhdu, dhdv);
+    slope = dhdu * row(foot.duvdQ) + dhdv * row(foot.duvdQ + 3);
+  } else {
+    double clamped = std::abs(foot.p_MB[1] - impl.planeMovingY_m);
+    if (clampThickness(impl.definition.movingThickness, clamped)) return false;
+    // B = Q - phi n, so dB_y/dQ = e_y - n_y n - phi H e_y, H = nu (x) ju + nv (x) jv.
+    slope = Vec3::UnitY() - foot.normal[1] * row(foot.normal);
+    if (foot.status == QueryStatus::converged) {
+      slope -= foot.distance_m * (row(foot.nu) * foot.duvdQ[1] + row(foot.nv) * foot.duvdQ[4]);
+    }
+    if (!(foot.p_MB[1] > impl.planeMovingY_m)) slope = -slope;
+  }
+  std::copy(slope.data(), slope.data() + 3, out);
+  return true;
 }
 
 namespace {
@@ -158,7 +180,7 @@ class SmoothEvaluation {
     grid_.adjoint = memory.adjoint.data();
     grid_.touched = memory.touched.data();
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(grid_.R) = task.X_FM.R;
-    grid_.corrected = impl.definition.correction == Correction::midsurface;
+    grid_.corrected = impl.definition.correction != Correction::none;
     grid_.linear = law_.view().kind == LawView::linear;
     grid_.K_Pa = law_.view().K_Pa;
     grid_.damping_sPerM = impl.definition.damping_sPerM;
@@ -202,7 +224,7 @@ class SmoothEvaluation {
     if (searched > 0) {
       std::sort(memory_.tasks.begin(), memory_.tasks.end(), [](const CellTask& a, const CellTask& b) { return a.element < b.element; });
     }
-    memory_.cellStride = task_.withStiffness ? kCellStride : kCellWeights;
+    memory_.cellStride = integratesStiffness() ? kCellStride : kCellWeights;
     if (memory_.cells.size() < memory_.tasks.size() * static_cast<size_t>(memory_.cellStride)) {
       // Grows with the largest contact seen.
       memory_.cells.resize(2 * memory_.tasks.size() * static_cast<size_t>(memory_.cellStride));
@@ -212,14 +234,14 @@ class SmoothEvaluation {
   int numCellBlocks() const { return (static_cast<int>(memory_.tasks.size()) + kCellsPerBlock - 1) / kCellsPerBlock; }
   void integrateBlock(int block) {
     const int from = block * kCellsPerBlock, to = std::min(from + kCellsPerBlock, static_cast<int>(memory_.tasks.size()));
-    kernels_.integrate(grid_, law_.view(), memory_.tasks.data() + from, to - from, task_.withEnergy, task_.withStiffness,
+    kernels_.integrate(grid_, law_.view(), memory_.tasks.data() + from, to - from, task_.withEnergy, integratesStiffness(),
                        memory_.cells.data() + static_cast<size_t>(from) * static_cast<size_t>(memory_.cellStride));
   }
 
   void sum() {
     std::fill(memory_.touched.begin(), memory_.touched.end(), 0ul);
     const int count = static_cast<int>(memory_.tasks.size()), words = static_cast<int>(memory_.touched.size());
-    kernels_.scatter(grid_, memory_.tasks.data(), count, task_.withStiffness, memory_.cells.data());
+    kernels_.scatter(grid_, memory_.tasks.data(), count, integratesStiffness(), memory_.cells.data());
     NetSums total{};
     kernels_.sum(grid_, words, task_.withEnergy, total);
     load_.forceOnM_F = Vec3(total.force[0], total.force[1], total.force[2]);
@@ -237,7 +259,11 @@ class SmoothEvaluation {
       ++load_.activeElements;
       memory_.previous.push_back(memory_.tasks[static_cast<size_t>(i)].element);
     }
-    if (task_.withStiffness) {
+    if (isGradient()) {
+      calcEnergyGradient(impl_, c_, memory_, grid_, law_.view(), task_.X_FM, task_.withStiffness, gradient_);
+      load_.forceOnM_F = gradient_.load.head<3>();
+      load_.momentOnM_Fo_F = gradient_.load.tail<3>();
+    } else if (task_.withStiffness) {
       const bool varies = impl_.movingLayer == MovingLayer::map || impl_.movingLayer == MovingLayer::plane;
       kernels_.sumStiffness(grid_, words, varies ? calcThicknessSlope : nullptr, this, stiffness_);
     }
@@ -247,10 +273,16 @@ class SmoothEvaluation {
 
   int numNewNodes() const { return static_cast<int>(memory_.nodes.size() - firstNode_); }
   int numNodes() const { return static_cast<int>(memory_.nodes.size()); }
-  const StiffnessSums& stiffness() const { return stiffness_; }
+  void addStiffness(Matrix6& byMotion, Matrix6& byRate) const {
+    using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
+    byMotion += gradient_.byMotion + Eigen::Map<const Rows>(stiffness_.byMotion).leftCols<6>();
+    byRate += Eigen::Map<const Rows>(stiffness_.byRate).leftCols<6>();
+  }
 
  private:
   Vec3 locate(int node) const { return R_MF_ * c_.p_FA[static_cast<size_t>(node)] - offset_M_; }
+  bool isGradient() const { return impl_.definition.correction == Correction::energy; }
+  bool integratesStiffness() const { return task_.withStiffness && !isGradient(); }
   bool isSearch() const {
     const Tracking tracking = impl_.definition.tracking;
     return tracking == Tracking::breadthFirst || tracking == Tracking::breadthFirstUnguarded;
@@ -426,26 +458,9 @@ class SmoothEvaluation {
 
   static bool calcThicknessSlope(const void* self, int node, double out[3]) {
     const auto& me = *static_cast<const SmoothEvaluation*>(self);
-    const TrackedFoot& foot = me.memory_.feet[static_cast<size_t>(node)];
-    const Mat3& R = me.task_.X_FM.R;
-    Vec3 slope_M;
-    const auto row = [](const double* a) { return Vec3(a[0], a[1], a[2]); };
-    if (me.impl_.movingLayer == MovingLayer::map) {
-      double dhdu = 0, dhdv = 0;
-      me.c_.map->interpolate(foot.patch, foot.u, foot.v, dhdu, dhdv);
-      slope_M = dhdu * row(foot.duvdQ) + dhdv * row(foot.duvdQ + 3);
-    } else {
-      double clamped = std::abs(foot.p_MB[1] - me.impl_.planeMovingY_m);
-      if (clampThickness(me.impl_.definition.movingThickness, clamped)) return false;
-      // B = Q - phi n, so dB_y/dQ = e_y - n_y n - phi H e_y, H = nu (x) ju + nv (x) jv.
-      slope_M = Vec3::UnitY() - foot.normal[1] * row(foot.normal);
-      if (foot.status == QueryStatus::converged) {
-        slope_M -= foot.distance_m * (row(foot.nu) * foot.duvdQ[1] + row(foot.nv) * foot.duvdQ[4]);
-      }
-      if (!(foot.p_MB[1] > me.impl_.planeMovingY_m)) slope_M = -slope_M;
-    }
-    const Vec3 slope = R * slope_M;
-    std::copy(slope.data(), slope.data() + 3, out);
+    double slope[3];
+    if (!calcThicknessSlopeInM(me.impl_, me.c_, me.memory_.feet[static_cast<size_t>(node)], slope)) return false;
+    Eigen::Map<Vec3>{out} = me.task_.X_FM.R * Eigen::Map<const Vec3>(slope);
     return true;
   }
 
@@ -483,6 +498,7 @@ class SmoothEvaluation {
   size_t firstNode_ = 0;
   CellGrid grid_{};
   StiffnessSums stiffness_{};
+  EnergyGradient gradient_;
 };
 
 }  // namespace
@@ -509,7 +525,7 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
   }
 }
 
-void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory& m) {
+void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory& m) const {
   const size_t nodes = c.numNodes(), n = c.size();
   m.feet.resize(nodes);
   m.nodeVisit.resize(nodes);
@@ -520,6 +536,7 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   m.load.resize(kLoadStride * nodes);
   m.weight.resize(kWeightStride * nodes);
   m.adjoint.resize(kAdjointStride * nodes);
+  if (definition.correction == Correction::energy) m.gradient.resize(kGradientStride * nodes);
   m.touched.resize((nodes + 63) / 64);
   m.nodes.reserve(nodes);
   m.query.resize(3 * nodes);
@@ -597,10 +614,7 @@ void ContactPair::Impl::evaluateSmooth(std::vector<CompartmentMemory>& memory, E
     for (size_t k = 0; k < group.count; ++k) {
       const SmoothEvaluation& e = *group.evaluations[k];
       *task.queries += e.numNodes();
-      if (!task.withStiffness) continue;
-      using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
-      task.byMotion += Eigen::Map<const Rows>(e.stiffness().byMotion).leftCols<6>();
-      task.byRate += Eigen::Map<const Rows>(e.stiffness().byRate).leftCols<6>();
+      if (task.withStiffness) e.addStiffness(task.byMotion, task.byRate);
     }
   }
 }

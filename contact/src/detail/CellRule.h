@@ -435,24 +435,65 @@ inline void addTensor(const double S[kMonomials], const double R[kSmooth], const
   }
 }
 
-/** Moments of a nonlinear law: tensor Gauss points in a full cell, Gauss points along the integration lines at the rim.
- `response` gives p, dp/dstrain and energy density at a strain. */
-template <bool WithEnergy, bool WithSlope, class Response>
-inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape,
-                           const Response& response, CellMoments& m) {
+/** Quadrature of a law in one cell: tensor Gauss points where the law hardly bends in a full cell, otherwise Gauss points along
+ integration lines. */
+struct LawQuadrature {
+  int tensor;  // points each way, 0: lines
+  bool mild;   // lines: plain points will do
+};
+inline LawQuadrature chooseQuadrature(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape) {
   const double center = S[0] * R[0], half = 0.5 * (absolute(S[1]) + absolute(S[2])) * R[0];
   if (full) {
     const double ratio = smaller(larger(center, shape.atZero), shape.atOne - center) / half;
-    if (ratio > 2) {
-      ratio > 4 ? addTensor<3, WithEnergy, WithSlope>(S, R, response, m) : addTensor<4, WithEnergy, WithSlope>(S, R, response, m);
-      return;
-    }
+    if (ratio > 2) return {ratio > 4 ? 3 : 4, false};
   }
   // From the rim, strain 0, to the cell's deepest point.
   const double deepest = larger(center, 0.0) + half;
-  const bool mild = shape.atZero > 5 * deepest && shape.atOne > 10 * deepest;
+  return {0, shape.atZero > 5 * deepest && shape.atOne > 10 * deepest};
+}
+
+/** Calls at(w, b) for the points of an interval of a line; the strain along it is strainAt(b). */
+template <class StrainAt, class At>
+inline void forEachInnerPoint(const LawShape& shape, bool mild, double b0, double b1, const StrainAt& strainAt, const At& at) {
+  const auto plain = [&](auto rule) {
+    using Rule = decltype(rule);
+    const double width = b1 - b0, middle = 0.5 * (b0 + b1);
+    for (int k = 0; k < Rule::n; ++k) at(width * Rule::w[k], middle + width * Rule::x[k]);
+  };
+  const auto graded = [&](double shallow, double deep, double strain) {
+    const GradedRule& rule = findGraded(shape, strain);
+    const double width = deep - shallow, scale = absolute(width);
+    for (int k = 0; k < GradedRule::kPoints; ++k) at(scale * rule.w[k], shallow + width * rule.x[k]);
+  };
+  if (mild) {
+    plain(Gauss<4>{});
+    return;
+  }
+  const double e0 = strainAt(b0), e1 = strainAt(b1);
+  if (b0 > -0.5 && b0 < 0.5 && b1 > -0.5 && b1 < 0.5) {  // between two rims
+    const double middle = 0.5 * (b0 + b1), deep = strainAt(middle);
+    graded(b0, middle, deep);
+    graded(b1, middle, deep);
+  } else if (e0 < 0.5 * e1) {
+    graded(b0, b1, e1);
+  } else if (e1 < 0.5 * e0) {
+    graded(b1, b0, e0);
+  } else {
+    plain(Gauss<5>{});
+  }
+}
+
+/** Moments of a nonlinear law. `response` gives p, dp/dstrain and energy density at a strain. */
+template <bool WithEnergy, bool WithSlope, class Response>
+inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape,
+                           const Response& response, CellMoments& m) {
+  const LawQuadrature rule = chooseQuadrature(S, R, full, shape);
+  if (rule.tensor != 0) {
+    rule.tensor == 3 ? addTensor<3, WithEnergy, WithSlope>(S, R, response, m) : addTensor<4, WithEnergy, WithSlope>(S, R, response, m);
+    return;
+  }
   Lines lines;
-  findLines(S, lines, mild ? nullptr : &shape, R[0]);
+  findLines(S, lines, rule.mild ? nullptr : &shape, R[0]);
   const double q0 = lines.swapped ? R[2] : R[1], q1 = lines.swapped ? R[1] : R[2];
   const double q00 = lines.swapped ? R[4] : R[3], q11 = lines.swapped ? R[3] : R[4];
   // Sums over the inner variable: of P b^k, U b^k and the slopes' b^k.
@@ -477,34 +518,8 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
         }
       }
     };
-    const auto plain = [&](auto rule) {
-      using Rule = decltype(rule);
-      const double width = b1 - b0, middle = 0.5 * (b0 + b1);
-      for (int k = 0; k < Rule::n; ++k) at(weight * width * Rule::w[k], middle + width * Rule::x[k]);
-    };
-    const auto graded = [&](double shallow, double deep, double strain) {
-      const GradedRule& rule = findGraded(shape, strain);
-      const double width = deep - shallow, scale = weight * absolute(width);
-      for (int k = 0; k < GradedRule::kPoints; ++k) at(scale * rule.w[k], shallow + width * rule.x[k]);
-    };
     const auto strainAt = [&](double b) { return larger(s0 + b * (s1 + s2 * b), 0.0) * (r0 + b * (q1 + q11 * b)); };
-    if (mild) {
-      plain(Gauss<4>{});
-    } else {
-      const double e0 = strainAt(b0), e1 = strainAt(b1);
-      const bool rim0 = b0 > -0.5 && b0 < 0.5, rim1 = b1 > -0.5 && b1 < 0.5;
-      if (rim0 && rim1) {
-        const double middle = 0.5 * (b0 + b1), deep = strainAt(middle);
-        graded(b0, middle, deep);
-        graded(b1, middle, deep);
-      } else if (e0 < 0.5 * e1) {
-        graded(b0, b1, e1);
-      } else if (e1 < 0.5 * e0) {
-        graded(b1, b0, e0);
-      } else {
-        plain(Gauss<5>{});
-      }
-    }
+    forEachInnerPoint(shape, rule.mild, b0, b1, strainAt, [&](double w, double b) { at(weight * w, b); });
     const double a2 = a * a;
     const auto addSmooth = [&](const double* sums, double* to) {  // 1, a, b, a^2, b^2
       to[0] += sums[0];
@@ -535,6 +550,35 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
     unswap(lines.swapped, slopeR, m.slopeR);
     unswap(lines.swapped, slopeS, m.slopeS);
   }
+}
+
+/** Calls at(w, xi, eta) for the same points one by one. */
+template <class At>
+inline void forEachLawPoint(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape, const At& at) {
+  const LawQuadrature rule = chooseQuadrature(S, R, full, shape);
+  const auto tensor = [&](const auto& points, int n) {
+    for (int i = 0; i < n * n; ++i) at(points.moments[i][0], points.xi[i], points.eta[i]);
+  };
+  if (rule.tensor == 3) return tensor(kTensor<3>, 3);
+  if (rule.tensor == 4) return tensor(kTensor<4>, 4);
+  Lines lines;
+  findLines(S, lines, rule.mild ? nullptr : &shape, R[0]);
+  forEachInterval(lines, [&](double a, double weight, double b0, double b1) {
+    const auto place = [&](double b, double& xi, double& eta) {
+      xi = lines.swapped ? b : a;
+      eta = lines.swapped ? a : b;
+    };
+    const auto strainAt = [&](double b) {
+      double xi, eta;
+      place(b, xi, eta);
+      return larger(evaluateAt(S, xi, eta), 0.0) * evaluateSmoothAt(R, xi, eta);
+    };
+    forEachInnerPoint(shape, rule.mild, b0, b1, strainAt, [&](double w, double b) {
+      double xi, eta;
+      place(b, xi, eta);
+      at(weight * w, xi, eta);
+    });
+  });
 }
 
 }  // namespace

@@ -72,6 +72,7 @@ struct CompartmentMemory {
   std::vector<char> usable;
   std::vector<NodeField> field;
   Numbers s, r, load, weight, adjoint; // see CellGrid
+  Numbers gradient;                    // energy form only, see EnergyRule.h
   std::vector<unsigned long> touched;
   std::vector<int> nodes;              // queried in this evaluation
   Numbers query;
@@ -114,6 +115,10 @@ struct PairData {
   double constantMoving_m = 0, planeMovingY_m = 0;
 };
 
+/** Slope of the moving layer's thickness with respect to the query point of a foot, in M; false where it is clamped. Map and plane
+ layers only. */
+bool calcThicknessSlopeInM(const PairData& impl, const Compartment& c, const TrackedFoot& foot, double slope[3]);
+
 }  // namespace detail
 
 struct ContactPair::Impl : detail::PairData {
@@ -127,7 +132,7 @@ struct ContactPair::Impl : detail::PairData {
   void buildCompartment(const CompartmentDefinition& c);
   /** What the kernels read, from the arrays of a finished grid. */
   static void packCompartment(detail::Compartment& c);
-  static void sizeSmoothMemory(const detail::Compartment& c, detail::CompartmentMemory& memory);
+  void sizeSmoothMemory(const detail::Compartment& c, detail::CompartmentMemory& memory) const;
 
   /** Whole elements, in contact or not by their centre [BF2004 §2.3]. */
   template <class Law>

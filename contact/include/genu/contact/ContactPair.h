@@ -56,6 +56,7 @@ enum class ContactRule {
 enum class Correction {
   midsurface,  ///< d = AB / cos(theta/2), force along the bisector [BF2004 Fig. 3]
   none,        ///< d = AB, force along AB: conservative
+  energy,      ///< d as midsurface; the load is minus the exact gradient of the elements' energies: conservative. Smooth rule only
 };
 enum class Tracking {
   all,                   ///< every element, every time
