@@ -1,0 +1,3 @@
+// Compiled for AVX2 and FMA, called only where the processor has them.
+#define GENU_ISA avx2
+#include "detail/RayKernel.inl"

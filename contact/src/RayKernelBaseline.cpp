@@ -1,0 +1,2 @@
+#define GENU_ISA baseline
+#include "detail/RayKernel.inl"
