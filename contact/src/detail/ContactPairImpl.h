@@ -10,6 +10,7 @@
 #include "LayerThickness.h"
 #include "PressureTable.h"
 #include "TrackedFoot.h"
+#include "TrackedHit.h"
 #include "genu/contact/ContactPair.h"
 
 namespace genu::contact {
@@ -63,6 +64,7 @@ struct NodeField {
 struct CompartmentMemory {
   // Centre rule, of the last query of each element:
   std::vector<SurfaceParameter> foot;  // patch -1: never queried
+  std::vector<TrackedHit> hits;        // ray method only
   std::vector<Vec3> p_MA;              // where it was
   std::vector<double> clearance_m;     // contact is impossible within this distance of p_MA
   std::vector<double> distance_m;      // signed
