@@ -65,8 +65,14 @@ enum class LeafEnd { found, left, failed };
 class LineSearch {
  public:
   LineSearch(const ContactSurface& surface, const Vec3& A, const Vec3& n)
-      : surface_(surface), search_(detail::SurfaceAccess::search(surface)), A_(A), n_(n),
-        e1_(n.unitOrthogonal()), e2_(n.cross(e1_)), size_(surface.boundingBox().diagonal().norm()), tol_(std::max(ContactSurface::kDefaultTolerance_m, 8e-16 * size_)) {
+      : surface_(surface),
+        search_(detail::SurfaceAccess::search(surface)),
+        A_(A),
+        n_(n),
+        e1_(n.unitOrthogonal()),
+        e2_(n.cross(e1_)),
+        size_(surface.boundingBox().diagonal().norm()),
+        tol_(std::max(ContactSurface::kDefaultTolerance_m, 8e-16 * size_)) {
     for (int k = 0; k < 3; ++k) inverse_[k] = 1 / n[k];
   }
 
@@ -158,16 +164,17 @@ class LineSearch {
     const double um = 0.5 * (piece.u0 + piece.u1), vm = 0.5 * (piece.v0 + piece.v1);
     const int i = patch.findSpanU(um), j = patch.findSpanV(vm);
     for (int k = 0; k < 4; ++k) {
-      const Piece part{piece.patch, k % 2 ? um : piece.u0, k % 2 ? piece.u1 : um, k / 2 ? vm : piece.v0, k / 2 ? piece.v1 : vm,
-                       0.5 * piece.spread};
+      const Piece part{piece.patch,           k % 2 ? um : piece.u0, k % 2 ? piece.u1 : um,
+                       k / 2 ? vm : piece.v0, k / 2 ? piece.v1 : vm, 0.5 * piece.spread};
       const auto s = [&](double x) { return (x - patch.spanU(i).center) * patch.spanU(i).invHalfWidth; };
       const auto t = [&](double x) { return (x - patch.spanV(j).center) * patch.spanV(j).invHalfWidth; };
       // The line passes the piece by where the hull's extent along e1, e2 or the surface normal, which errs by the square
       // of the piece's size only, is on one side of it.
       const Vec3 m = patch.calcNormal(0.5 * (part.u0 + part.u1), 0.5 * (part.v0 + part.v1)), g = m - m.dot(n_) * n_;
       Eigen::AlignedBox3d across;
-      detail::visitHull(patch.spanCoefficients(i, j), patch.data().degreeU, patch.data().degreeV, s(part.u0), s(part.u1), t(part.v0),
-                        t(part.v1), [&](const Vec3& P) { across.extend(Vec3((P - A_).dot(e1_), (P - A_).dot(e2_), (P - A_).dot(g))); });
+      detail::visitHull(patch.spanCoefficients(i, j), patch.data().degreeU, patch.data().degreeV, s(part.u0), s(part.u1),
+                        t(part.v0), t(part.v1),
+                        [&](const Vec3& P) { across.extend(Vec3((P - A_).dot(e1_), (P - A_).dot(e2_), (P - A_).dot(g))); });
       if (across.exteriorDistance(Vec3::Zero()) > tol_) continue;
       if (searchPiece(part)) continue;
       if (depth < kMaxDepth) {
@@ -199,7 +206,8 @@ class LineSearch {
       double du = -c.d.Sv.dot(across) / D, dv = c.d.Su.dot(across) / D;
       // Far from tangency the piece is nearly flat as seen along the line: a first step well outside it means that the
       // crossing, if any, belongs to another piece.
-      if (i == 0 && std::abs(sine) > 2 * leaf.spread && (std::abs(du) > 3 * halfU || std::abs(dv) > 3 * halfV)) return LeafEnd::left;
+      if (i == 0 && std::abs(sine) > 2 * leaf.spread && (std::abs(du) > 3 * halfU || std::abs(dv) > 3 * halfV))
+        return LeafEnd::left;
       du = std::min(std::max(du, -4 * halfU), 4 * halfU);
       dv = std::min(std::max(dv, -4 * halfV), 4 * halfV);
       const double un = info.u.fit(u + du), vn = info.v.fit(v + dv);

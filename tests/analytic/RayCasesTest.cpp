@@ -21,15 +21,19 @@ constexpr double R = 0.030, h = 0.006, D = 0.2e-3, a = R - D;
 
 const Mat3 kSomeRotation = (Eigen::AngleAxisd(0.7, Vec3(1, 2, -1).normalized())).toRotationMatrix();
 
-ContactPairDefinition makeSphereByRay(const Material& material, StrainMeasure strain, double half, int n, double cx = 0, double cz = 0) {
-  auto d = makeScene(share(makePlane(h, 0, 0, Solid::below, 0.1)), share(makeSphere(R)), constantThickness(h), material, half, n, cx, cz);
+ContactPairDefinition makeSphereByRay(const Material& material, StrainMeasure strain, double half, int n, double cx = 0,
+                                      double cz = 0) {
+  auto d = makeScene(share(makePlane(h, 0, 0, Solid::below, 0.1)), share(makeSphere(R)), constantThickness(h), material, half, n,
+                     cx, cz);
   d.rule = ContactRule::centre;
   d.distance = DistanceMethod::ray;
   d.strain = strain;
   return d;
 }
 
-ContactResult press(const ContactPair& pair) { return pair.evaluate(calcCoordinates(Pose{kSomeRotation, Vec3(0, h + R - D, 0)})); }
+ContactResult press(const ContactPair& pair) {
+  return pair.evaluate(calcCoordinates(Pose{kSomeRotation, Vec3(0, h + R - D, 0)}));
+}
 
 /** Closed forms for a law p(d): integrals over r by the midpoint rule in w, where all is smooth: r dr = -w dw. */
 struct Expected {

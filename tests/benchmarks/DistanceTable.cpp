@@ -2,11 +2,13 @@
 // fewer control points, error and residual beside the time, with Open CASCADE and Simbody's mesh in the same run.
 //   build/release/bin/distance_table [--quick]
 // Surface: femoral condyle as a canal surface, sagittal radius of the contour 38 mm falling to 21 mm over 2.6 rad, coronal radius
-// 22 mm, interpolated by a bicubic B-spline of 15 x 20 control points. Queries: points from 0.5 mm inside to 1 mm outside, rays from
-// them into the solid, up to about 15 degrees from the normal. "tracked": as the engine does it, with the first-order predictor and
-// derivatives; "seeded": from the last (u, v) alone; both after motions of 0.01 mm. "cold": without memory.
-// Exit code 1 when an engine row has a failure, a residual above 1e-10 mm or an error above 1e-9 mm.
-// Error: against findClosestPointCertified and findLineHits on every 20th query. Compare ratios: times depend on the machine.
+// 22 mm, interpolated by a bicubic B-spline of 15 x 20 control points. Queries: points from 0.5 mm inside to 1 mm outside, rays
+// from them into the solid, up to about 15 degrees from the normal. "tracked": as the engine does it, with the first-order
+// predictor and derivatives; "seeded": from the last (u, v) alone; both after motions of 0.01 mm. "cold": without memory. Exit
+// code 1 when an engine row has a failure, a residual above 1e-10 mm or an error above 1e-9 mm. Error: against
+// findClosestPointCertified and findLineHits on every 20th query. Compare ratios: times depend on the machine.
+
+#include "DistanceTable.h"
 
 #include <Eigen/Dense>
 #include <cmath>
@@ -14,7 +16,6 @@
 #include <cstring>
 #include <random>
 
-#include "DistanceTable.h"
 #include "contact/SplitPatch.h"
 #include "contact/TestSurfaces.h"
 #include "detail/TrackedFoot.h"
@@ -78,7 +79,8 @@ NurbsPatchData fit(int numU, int numV, bool rational, int oversampling) {
         return (knots[s + 1] + knots[s + 2] + knots[s + 3]) / 3;
       };
       at.push_back(greville(i));
-      for (int k = 1; k < oversampling && i + 1 < num; ++k) at.push_back(greville(i) + (greville(i + 1) - greville(i)) * k / oversampling);
+      for (int k = 1; k < oversampling && i + 1 < num; ++k)
+        at.push_back(greville(i) + (greville(i + 1) - greville(i)) * k / oversampling);
     }
     return at;
   };
@@ -119,13 +121,15 @@ NurbsPatchData fit(int numU, int numV, bool rational, int oversampling) {
   return d;
 }
 
-/** Largest distance of the patch at 200 x 200 places from the canal surface at the same parameters: an upper bound of the deviation. */
+/** Largest distance of the patch at 200 x 200 places from the canal surface at the same parameters: an upper bound of the
+ * deviation. */
 double calcDeviation(const NurbsPatchData& d) {
   const NurbsPatch patch(d);
   double worst = 0;
   for (int i = 0; i <= 200; ++i) {
     for (int j = 0; j <= 200; ++j) {
-      const double u = patch.uMin() + (patch.uMax() - patch.uMin()) * i / 200, v = patch.vMin() + (patch.vMax() - patch.vMin()) * j / 200;
+      const double u = patch.uMin() + (patch.uMax() - patch.uMin()) * i / 200,
+                   v = patch.vMin() + (patch.vMax() - patch.vMin()) * j / 200;
       worst = std::max(worst, (patch.calcPoint(u, v) - condyle(u, v)).norm());
     }
   }
@@ -140,7 +144,7 @@ std::vector<NurbsPatchData> split(const NurbsPatchData& whole, int piecesU, int 
   return parts;
 }
 
-std::vector<distance_table::Patch> toPlain(const std::vector<NurbsPatchData>& patches) {
+[[maybe_unused]] std::vector<distance_table::Patch> toPlain(const std::vector<NurbsPatchData>& patches) {
   std::vector<distance_table::Patch> out;
   for (const NurbsPatchData& d : patches) {
     distance_table::Patch p{d.degreeU, d.degreeV, d.numU, d.numV, d.knotsU, d.knotsV, {}, d.weights};
@@ -156,7 +160,7 @@ constexpr double kMotion = 1e-5;  // [m]
 
 struct Queries {
   std::vector<Query> all;
-  std::vector<double> here, there;    // each query point before and after its motion; rays keep their direction
+  std::vector<double> here, there;  // each query point before and after its motion; rays keep their direction
   std::vector<double> n;
   std::vector<int> ids;
 };
@@ -230,11 +234,12 @@ void judge(const ContactSurface& surface, const Queries& q, bool ray, const std:
     }
     const auto d = surface.patch(a.at.patch).evaluate(a.at.u, a.at.v);
     const Vec3 r = d.S - at(q.there, i);
-    const double residual = ray ? r.cross(at(q.n, i)).norm()
-                                : std::max(std::abs(r.dot(d.Su)) / d.Su.norm(), std::abs(r.dot(d.Sv)) / d.Sv.norm());
+    const double residual =
+        ray ? r.cross(at(q.n, i)).norm() : std::max(std::abs(r.dot(d.Su)) / d.Su.norm(), std::abs(r.dot(d.Sv)) / d.Sv.norm());
     row.residual_m = std::max(row.residual_m, residual);
     if (!q.all[i].checked) continue;
-    row.error_m = std::max(row.error_m, ray ? std::abs(a.distance - q.all[i].t) : std::abs(std::abs(a.distance) - q.all[i].distance));
+    row.error_m =
+        std::max(row.error_m, ray ? std::abs(a.distance - q.all[i].t) : std::abs(std::abs(a.distance) - q.all[i].distance));
   }
 }
 
@@ -266,8 +271,9 @@ std::vector<Row> measureEngine(const ContactSurface& surface, const Queries& q, 
       });
       track(q.there);
       for (size_t i = 0; i < q.all.size(); ++i) {
-        answers[i] = ray ? Answer{{hits[i].patch, hits[i].u, hits[i].v}, hits[i].t_m, hits[i].status == HitStatus::hit}
-                         : Answer{{feet[i].patch, feet[i].u, feet[i].v}, feet[i].distance_m, feet[i].status == QueryStatus::converged};
+        answers[i] =
+            ray ? Answer{{hits[i].patch, hits[i].u, hits[i].v}, hits[i].t_m, hits[i].status == HitStatus::hit}
+                : Answer{{feet[i].patch, feet[i].u, feet[i].v}, feet[i].distance_m, feet[i].status == QueryStatus::converged};
       }
       judge(surface, q, ray, answers, row);
       rows.push_back(row);
@@ -309,20 +315,24 @@ std::vector<Row> measureEngine(const ContactSurface& surface, const Queries& q, 
 
 // ---- Mesh ----
 
-/** Triangles between points of equal (u, v) steps, at most `chord` from the surface at edge and face middles, closed behind by a fan. */
-void tessellate(const NurbsPatchData& data, double chord, std::vector<double>& vertices, std::vector<int>& faces, double& realChord) {
+/** Triangles between points of equal (u, v) steps, at most `chord` from the surface at edge and face middles, closed behind by a
+ * fan. */
+[[maybe_unused]] void tessellate(const NurbsPatchData& data, double chord, std::vector<double>& vertices, std::vector<int>& faces,
+                                 double& realChord) {
   const NurbsPatch patch(data);
   for (int nu = 8;; nu = nu * 5 / 4) {
     const int nv = nu;
     const auto place = [&](double i, double j) {
-      return patch.calcPoint(patch.uMin() + (patch.uMax() - patch.uMin()) * i / nu, patch.vMin() + (patch.vMax() - patch.vMin()) * j / nv);
+      return patch.calcPoint(patch.uMin() + (patch.uMax() - patch.uMin()) * i / nu,
+                             patch.vMin() + (patch.vMax() - patch.vMin()) * j / nv);
     };
     realChord = 0;
     for (int i = 0; i < nu; ++i) {
       for (int j = 0; j < nv; ++j) {
         const Vec3 a = place(i, j), b = place(i + 1, j), c = place(i, j + 1), e = place(i + 1, j + 1);
-        realChord = std::max({realChord, (0.5 * (b + c) - place(i + 0.5, j + 0.5)).norm(), (0.5 * (a + b) - place(i + 0.5, j)).norm(),
-                              (0.5 * (a + c) - place(i, j + 0.5)).norm(), (0.5 * (e + b) - place(i + 1, j + 0.5)).norm()});
+        realChord =
+            std::max({realChord, (0.5 * (b + c) - place(i + 0.5, j + 0.5)).norm(), (0.5 * (a + b) - place(i + 0.5, j)).norm(),
+                      (0.5 * (a + c) - place(i, j + 0.5)).norm(), (0.5 * (e + b) - place(i + 1, j + 0.5)).norm()});
       }
     }
     if (realChord > chord) continue;
@@ -372,7 +382,8 @@ void print(const std::string& surface, const Row& row) {
   };
   std::printf("%-26s %-42s %6d %10.0f %10.0f %9s %9s %6s %6d\n", surface.c_str(), row.method.c_str(), row.queries, row.min_ns,
               row.median_ns, number(row.residual_m * (row.residual_m < 0 ? 1 : 1e3), "%.1e").c_str(),
-              number(row.error_m * (row.error_m < 0 ? 1 : 1e3), "%.1e").c_str(), number(row.iterations, "%.2f").c_str(), row.failed);
+              number(row.error_m * (row.error_m < 0 ? 1 : 1e3), "%.1e").c_str(), number(row.iterations, "%.2f").c_str(),
+              row.failed);
   std::fflush(stdout);
 }
 
@@ -396,13 +407,17 @@ int main(int argc, char** argv) {
     bool rational;
     int oversampling;
   };
-  const Shape shapes[] = {{"15x20", 15, 20, false, 1}, {"9x11", 9, 11, false, 3}, {"15x20 rational", 15, 20, true, 1}, {"9x11 rational", 9, 11, true, 3}};
+  const Shape shapes[] = {{"15x20", 15, 20, false, 1},
+                          {"9x11", 9, 11, false, 3},
+                          {"15x20 rational", 15, 20, true, 1},
+                          {"9x11 rational", 9, 11, true, 3}};
   for (const Shape& s : shapes) {
-    std::printf("%s: %s from the canal surface at most %.3f um\n", s.name, s.oversampling > 1 ? "least squares," : "interpolated,",
+    std::printf("%s: %s from the canal surface at most %.3f um\n", s.name,
+                s.oversampling > 1 ? "least squares," : "interpolated,",
                 calcDeviation(fit(s.numU, s.numV, s.rational, s.oversampling)) * 1e6);
   }
-  std::printf("%-26s %-42s %6s %10s %10s %9s %9s %6s %6s\n", "surface", "method", "n", "min ns", "median ns", "resid mm", "error mm", "evals",
-              "failed");
+  std::printf("%-26s %-42s %6s %10s %10s %9s %9s %6s %6s\n", "surface", "method", "n", "min ns", "median ns", "resid mm",
+              "error mm", "evals", "failed");
   int uncertified = 0;
   bool good = true;
   struct Pair {
@@ -416,7 +431,8 @@ int main(int argc, char** argv) {
     for (const auto& pieces : parts) {
       const std::vector<NurbsPatchData> patches = split(whole, pieces[0], pieces[1]);
       if (s.numU != 15 && patches.size() > 1) continue;  // the reduced surface: one patch, as in the paper
-      const std::string name = std::string(s.name) + ", " + std::to_string(patches.size()) + (patches.size() == 1 ? " patch" : " patches");
+      const std::string name =
+          std::string(s.name) + ", " + std::to_string(patches.size()) + (patches.size() == 1 ? " patch" : " patches");
       std::vector<NurbsPatch> made;
       for (const NurbsPatchData& d : patches) made.emplace_back(d);
       const ContactSurface surface(std::move(made));
@@ -448,7 +464,9 @@ int main(int argc, char** argv) {
     }
   }
 #ifndef GENU_WITH_OCCT
-  std::printf("Open CASCADE: not built: not found or switched off (GENU_WITH_OCCT); scripts/install_dependencies --with-occt installs it\n");
+  std::printf(
+      "Open CASCADE: not built: not found or switched off (GENU_WITH_OCCT); scripts/install_dependencies --with-occt installs "
+      "it\n");
 #endif
 #ifndef GENU_WITH_SIMBODY_MESH
   std::printf("Simbody TriangleMesh: not built: GENU_BUILD_MODEL is off\n");

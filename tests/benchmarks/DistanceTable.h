@@ -17,9 +17,9 @@ struct Patch {
 
 /** A query point near the surface and a ray from it, with the answers of the slow, certain methods on the surface. */
 struct Query {
-  double Q[3], n[3];        // [m]; n: unit, into the solid
-  double u, v;              // of the closest point before the query moved
-  double distance, t;       // |AB|, AC [m]; only where checked
+  double Q[3], n[3];   // [m]; n: unit, into the solid
+  double u, v;         // of the closest point before the query moved
+  double distance, t;  // |AB|, AC [m]; only where checked
   bool checked;
 };
 
@@ -27,9 +27,9 @@ struct Row {
   std::string method;
   int queries = 0;
   double min_ns = 0, median_ns = 0;
-  double residual_m = -1;   // largest component of B - Q along the tangents, or of C across the ray; negative: not known
-  double error_m = -1;      // largest error of the distance over the checked queries
-  double iterations = -1;   // mean evaluations of the surface
+  double residual_m = -1;  // largest component of B - Q along the tangents, or of C across the ray; negative: not known
+  double error_m = -1;     // largest error of the distance over the checked queries
+  double iterations = -1;  // mean evaluations of the surface
   int failed = 0;
 };
 
@@ -53,6 +53,7 @@ void measure(int repeats, int count, Row& row, const Run& run) {
 std::vector<Row> measureOcct(const std::vector<Patch>& patches, const std::vector<Query>& queries, bool quick);
 
 /** Simbody's triangle mesh. vertices: x, y, z [m]; faces: three indices; closed. */
-Row measureMesh(const std::vector<double>& vertices, const std::vector<int>& faces, const std::vector<Query>& queries, bool quick);
+Row measureMesh(const std::vector<double>& vertices, const std::vector<int>& faces, const std::vector<Query>& queries,
+                bool quick);
 
 }  // namespace distance_table

@@ -7,9 +7,11 @@
 
 namespace distance_table {
 
-Row measureMesh(const std::vector<double>& vertices, const std::vector<int>& faces, const std::vector<Query>& queries, bool quick) {
+Row measureMesh(const std::vector<double>& vertices, const std::vector<int>& faces, const std::vector<Query>& queries,
+                bool quick) {
   SimTK::Array_<SimTK::Vec3> points;
-  for (size_t i = 0; i + 2 < vertices.size(); i += 3) points.push_back(SimTK::Vec3(vertices[i], vertices[i + 1], vertices[i + 2]));
+  for (size_t i = 0; i + 2 < vertices.size(); i += 3)
+    points.push_back(SimTK::Vec3(vertices[i], vertices[i + 1], vertices[i + 2]));
   SimTK::Array_<int> indices(faces.begin(), faces.end());
   const SimTK::ContactGeometry::TriangleMesh mesh(points, indices, false);
   Row row;

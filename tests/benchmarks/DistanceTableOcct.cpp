@@ -75,7 +75,8 @@ Row makeRow(const char* name, const std::vector<Query>& queries, size_t count, i
   for (size_t i = 0; i < count; ++i) {
     const double d = find(queries[i]);
     row.failed += std::isnan(d);
-    if (queries[i].checked && !std::isnan(d)) row.error_m = std::max(row.error_m, std::abs(d - (ray ? queries[i].t : queries[i].distance)));
+    if (queries[i].checked && !std::isnan(d))
+      row.error_m = std::max(row.error_m, std::abs(d - (ray ? queries[i].t : queries[i].distance)));
   }
   return row;
 }
@@ -114,8 +115,8 @@ std::vector<Row> measureOcct(const std::vector<Patch>& patches, const std::vecto
     for (const bool tree : {true, false}) {
       GeomAPI_ProjectPointOnSurf project;
       project.Init(surface, u0, u1, v0, v1, 1e-10, tree ? Extrema_ExtAlgo_Tree : Extrema_ExtAlgo_Grad);
-      rows.push_back(makeRow(tree ? "OCCT ProjectPointOnSurf, tree, cold" : "OCCT ProjectPointOnSurf, default, cold", queries, few,
-                             repeats, false, [&](const Query& q) {
+      rows.push_back(makeRow(tree ? "OCCT ProjectPointOnSurf, tree, cold" : "OCCT ProjectPointOnSurf, default, cold", queries,
+                             few, repeats, false, [&](const Query& q) {
                                project.Perform(point(q));
                                return project.IsDone() && project.NbPoints() > 0 ? project.LowerDistance() / kMm : nan;
                              }));

@@ -18,8 +18,8 @@ using namespace test;
 ContactPairDefinition makeCondyleInDish(int n, DistanceMethod distance) {
   std::vector<NurbsPatch> condyle;
   condyle.emplace_back(makeCondyle());
-  auto d = makeScene(share(makeDish(0.008, 0.060, 0.035, Solid::below, 0.016)), share(condyle), constantThickness(0.008), uhmwpe(),
-                     0.010, n);
+  auto d = makeScene(share(makeDish(0.008, 0.060, 0.035, Solid::below, 0.016)), share(condyle), constantThickness(0.008),
+                     uhmwpe(), 0.010, n);
   d.rule = ContactRule::centre;
   d.distance = distance;
   d.copyTolerance = -1;
@@ -107,7 +107,8 @@ TEST(RayRule, ARayThroughTheOpenSideCarriesNothing) {
   // although their elements lie behind the sheet.
   std::vector<NurbsPatch> condyle;
   condyle.emplace_back(makeCondyle(false, 0));
-  auto d = makeScene(share(makePlane(0.008, 0, 0.5, Solid::below, 0.05)), share(condyle), constantThickness(0.008), uhmwpe(), 0.020, 40);
+  auto d = makeScene(share(makePlane(0.008, 0, 0.5, Solid::below, 0.05)), share(condyle), constantThickness(0.008), uhmwpe(),
+                     0.020, 40);
   d.rule = ContactRule::centre;
   d.distance = DistanceMethod::ray;
   const ContactPair pair(d);

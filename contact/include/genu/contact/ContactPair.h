@@ -114,7 +114,8 @@ struct NetLoad {
   int fullPenetrationElements = 0;
   int notConvergedQueries = 0;   ///< closest points and rays
   int noThicknessElements = 0;  ///< would touch, but the moving body's layer is unknown there: left out
-  int boundaryElements = 0;  ///< behind the moving surface but with the foot on its border, or the ray through its open side: not in contact
+  /** Behind the moving surface but with the foot on its border, or the ray through its open side: not in contact. */
+  int boundaryElements = 0;
 
   Vec3 forceOnF_F() const { return -forceOnM_F; }
   Vec3 momentOnF_Fo_F() const { return -momentOnM_Fo_F; }

@@ -147,7 +147,7 @@ typedef enum genu_correction {
 } genu_correction;
 typedef enum genu_distance {
   GENU_DISTANCE_MINIMUM = 0, /* AB, to the closest point of the moving surface */
-  GENU_DISTANCE_RAY = 1      /* AC, along the element's normal to the first hit; d = AC cos(theta) / cos(theta/2). Centre rule only */
+  GENU_DISTANCE_RAY = 1      /* AC, along the normal to the first hit, d = AC cos(theta) / cos(theta/2); centre rule only */
 } genu_distance;
 typedef enum genu_rule {
   GENU_RULE_SMOOTH = 0, /* pressure is integrated over the part of each cell in contact: the load is C1 in the pose */
