@@ -325,6 +325,12 @@ void setFromSurface(const ContactSurface& surface, const FirstHit& found, Tracke
   const Vec3 n(hit.n[0], hit.n[1], hit.n[2]);
   SurfaceDerivatives d;
   evaluatePatch(patch, found.at.u, found.at.v, d);
+  hit.u = found.at.u;
+  hit.v = found.at.v;
+  hit.t_m = found.t_m;
+  hit.cosTheta = -found.normal.dot(n);
+  hit.residual_m = found.residual_m;
+  hit.iterations = found.iterations;
   copy(found.point.data(), 3, hit.p_MC);
   copy(found.normal.data(), 3, hit.normal);
   const Vec3 N = d.Su.cross(d.Sv);
@@ -349,6 +355,7 @@ void setFromSurface(const ContactSurface& surface, const FirstHit& found, Tracke
 }  // namespace
 
 void trackHits(const ContactSurface& surface, const double* A, const double* n, const int* ids, int count, TrackedHit* hits) {
+  const auto& search = SurfaceAccess::search(surface);
   const TrackedHit* last = nullptr;
   for (int i = 0; i < count; ++i) {
     TrackedHit& hit = hits[ids[i]];
@@ -361,26 +368,23 @@ void trackHits(const ContactSurface& surface, const double* A, const double* n, 
       seed = {memory->patch, memory->u + j[0] * moved[0] + j[1] * moved[1] + j[2] * moved[2],
               memory->v + j[3] * moved[0] + j[4] * moved[1] + j[5] * moved[2]};
     }
-    RayHit fast;
-    FirstHit found;
-    const bool isFast = findHit(surface, a, direction, &seed, true, fast, found);
     copy(a.data(), 3, hit.A);
     copy(direction.data(), 3, hit.n);
+    SurfaceParameter at = seed;
+    int iterations = 0;
+    bool safe = false;
+    if (seed.patch >= 0 && search.solveFastRay(hit.A, hit.n, at, true, hit, iterations, safe) && safe) {
+      hit.patch = at.patch;
+      hit.status = HitStatus::hit;
+      last = &hit;
+      continue;
+    }
+    FirstHit found;
+    const bool isFast = findHit(surface, a, direction, &seed, true, hit, found);
     hit.status = found.status;
     hit.patch = found.status == HitStatus::hit ? found.at.patch : -1;
     if (hit.patch < 0) continue;
-    hit.u = found.at.u;
-    hit.v = found.at.v;
-    hit.t_m = found.t_m;
-    if (isFast) {
-      copy(fast.p_MC, 3, hit.p_MC);
-      copy(fast.normal, 3, hit.normal);
-      copy(fast.duvdA, 6, hit.duvdA);
-      copy(fast.nu, 3, hit.nu);
-      copy(fast.nv, 3, hit.nv);
-    } else {
-      setFromSurface(surface, found, hit);
-    }
+    if (!isFast) setFromSurface(surface, found, hit);
     last = &hit;
   }
 }

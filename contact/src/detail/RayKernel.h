@@ -6,11 +6,16 @@
 
 namespace genu::contact::detail {
 
-/** What the kernel finds of a hit; see TrackedHit. */
+/** A hit C of a ray A + t n. */
 struct RayHit {
-  double u, v, t_m, residual_m;
-  double duvdA[6], p_MC[3], normal[3], nu[3], nv[3];
-  double cosTheta;  ///< -normal . n > 0
+  double u, v;          ///< parameters of C
+  double duvdA[6];      ///< rows du/dA, dv/dA at fixed direction [1/m]
+  double t_m;           ///< AC along n, signed as in ContactSurface::findFirstHit
+  double p_MC[3];       ///< C
+  double normal[3];     ///< unit outward normal at C; normal . n < 0
+  double nu[3], nv[3];  ///< dnormal/du, dnormal/dv
+  double cosTheta;      ///< -normal . n
+  double residual_m;    ///< distance of S(u, v) from the ray
   int iterations;
 };
 

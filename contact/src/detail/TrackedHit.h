@@ -1,5 +1,6 @@
 #pragma once
 
+#include "RayKernel.h"
 #include "genu/contact/ContactSurface.h"
 
 namespace genu::contact::detail {
@@ -7,15 +8,9 @@ namespace genu::contact::detail {
 /** First hit C of one moving ray A + t n, kept between evaluations (frame M). Derivatives for a moving ray:
    d(u, v) = duvdA (dA + t dn),   dt = -normal . (dA + t dn) / (normal . n),   dnormal = nu du + nv dv,
  because S(u, v) = A + t n: a turn of the direction by dn acts at C like a shift of A by t dn. */
-struct TrackedHit {
-  double u, v;                 ///< parameters of C
-  double duvdA[6];             ///< rows du/dA, dv/dA at fixed direction [1/m]
-  double A[3], n[3];           ///< ray it belongs to: origin [m], unit direction
-  double t_m;                  ///< AC along n, signed as in ContactSurface::findFirstHit
-  double p_MC[3];              ///< C
-  double normal[3];            ///< unit outward normal at C; normal . n < 0
-  double nu[3], nv[3];         ///< dnormal/du, dnormal/dv
-  int patch;                   ///< -1: no hit to start from
+struct TrackedHit : RayHit {
+  double A[3], n[3];  ///< ray it belongs to: origin [m], unit direction
+  int patch;          ///< -1: no hit to start from
   HitStatus status;
 };
 
