@@ -166,7 +166,8 @@ void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& 
   }
   fmt::print("  material: {}\n", describe(d.material));
   if (d.movingMaterial) fmt::print("  material of the moving layer: {}, in series\n", describe(*d.movingMaterial));
-  fmt::print("  strain: {}\n  distance: minimum, {}\n", d.strain == contact::StrainMeasure::small ? "small" : "large",
+  fmt::print("  strain: {}\n  distance: {}, {}\n", d.strain == contact::StrainMeasure::small ? "small" : "large",
+             d.distance == contact::DistanceMethod::ray ? "ray along the element's normal" : "minimum",
              d.correction == contact::Correction::midsurface ? "midsurface correction" : "not corrected");
   fmt::print("  rule: {}\n", d.rule == contact::ContactRule::smooth ? "smooth (pressure integrated over the part of each cell that touches)"
                                                                       : "centre (whole cells, by their centre)");
@@ -212,6 +213,9 @@ void explainLeftOut(const Built& built) {
     left.emplace_back("root finding for the pressure: the law is linear");
   } else if (all([](const Definition& d) { return d.rule == contact::ContactRule::smooth && !d.movingMaterial; })) {
     left.emplace_back("root finding for the pressure while running: the law is tabulated once");
+  }
+  if (all([](const Definition& d) { return d.distance == contact::DistanceMethod::minimum; })) {
+    left.emplace_back("ray firing: the distance is the minimum distance");
   }
   if (all([](const Definition& d) { return d.correction == contact::Correction::none; })) {
     left.emplace_back("midsurface correction: switched off");

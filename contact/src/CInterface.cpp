@@ -228,6 +228,7 @@ gc::ContactPairDefinition toDefinition(const genu_pair_options& o) {
   require(o.compartments != nullptr && o.num_compartments > 0, "pair: at least one compartment is needed");
   require(o.strain == GENU_STRAIN_SMALL || o.strain == GENU_STRAIN_LARGE, "pair: unknown strain");
   require(o.correction == GENU_CORRECTION_MIDSURFACE || o.correction == GENU_CORRECTION_NONE, "pair: unknown correction");
+  require(o.distance == GENU_DISTANCE_MINIMUM || o.distance == GENU_DISTANCE_RAY, "pair: unknown distance");
   require(o.rule == GENU_RULE_SMOOTH || o.rule == GENU_RULE_CENTRE, "pair: unknown rule");
   require(std::isfinite(o.element_plane_y), "pair: element_plane_y is not a finite number");
   require(std::isfinite(o.copy_tolerance), "pair: copy_tolerance is not a finite number");
@@ -240,6 +241,7 @@ gc::ContactPairDefinition toDefinition(const genu_pair_options& o) {
   if (o.moving_material) d.movingMaterial = toMaterial(*o.moving_material);
   d.strain = o.strain == GENU_STRAIN_LARGE ? gc::StrainMeasure::large : gc::StrainMeasure::small;
   d.correction = o.correction == GENU_CORRECTION_NONE ? gc::Correction::none : gc::Correction::midsurface;
+  d.distance = o.distance == GENU_DISTANCE_RAY ? gc::DistanceMethod::ray : gc::DistanceMethod::minimum;
   d.rule = o.rule == GENU_RULE_CENTRE ? gc::ContactRule::centre : gc::ContactRule::smooth;
   switch (o.tracking) {
     case GENU_TRACKING_LIPSCHITZ: d.tracking = gc::Tracking::lipschitz; break;

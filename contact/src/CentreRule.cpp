@@ -15,7 +15,7 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
   const unsigned stamp = task.stamp;
   const Mat3 R_MF = X_FM.R.transpose();
   const Vec3 offset = R_MF * X_FM.p;
-  const bool corrected = definition.correction == Correction::midsurface;
+  const bool corrected = definition.correction == Correction::midsurface, byRay = definition.distance == DistanceMethod::ray;
   memory.active.clear();
   const SurfaceParameter* neighbor = nullptr;  // the foot found last: a good first guess for a new element
 
@@ -37,13 +37,40 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
     }
     memory.clearance_m[i] = std::max(foot.distance_m, 0.0);
     if (!(foot.distance_m < 0)) return false;
-    if (foot.status == QueryStatus::onBoundary) {
+    // Where on the moving surface, how far along which direction: the closest point, or the first hit along n. Because
+    // |AC| >= |AB| on the same side, elements with AB >= 0 need no ray.
+    SurfaceParameter at = foot.at;
+    Vec3 p_M = foot.p_MB, normal_M = foot.normal_M;
+    double distance = foot.distance_m;
+    if (byRay) {
+      const Vec3 n_M = R_MF * c.normal_F[i];
+      TrackedHit& hit = memory.hits[i];
+      if (hit.patch < 0) {  // no hit to start from: start from the foot
+        hit = TrackedHit{};
+        hit.patch = at.patch;
+        hit.u = at.u;
+        hit.v = at.v;
+      }
+      trackHits(*c.moving, p_MA.data(), n_M.data(), &e, 1, memory.hits.data());
+      ++queries;
+      if (hit.status != HitStatus::hit) {  // missed: the ray leaves through the surface's open side
+        ++(hit.status == HitStatus::missed ? load.boundaryElements : load.notConvergedQueries);
+        memory.onBorder[i] = hit.status == HitStatus::missed;
+        return false;
+      }
+      at = {hit.patch, hit.u, hit.v};
+      p_M = Eigen::Map<const Vec3>(hit.p_MC);
+      normal_M = Eigen::Map<const Vec3>(hit.normal);
+      distance = memory.distance_m[i] = hit.t_m;
+      memory.onBorder[i] = false;
+      if (!(distance < 0)) return false;
+    } else if (foot.status == QueryStatus::onBoundary) {
       ++load.boundaryElements;
       return false;
     }
     Active a;
     a.element = e;
-    const Vec3 towardsM_F = X_FM.R * -foot.normal_M;
+    const Vec3 towardsM_F = X_FM.R * -normal_M;
     const Vec3 sum = c.normal_F[i] + towardsM_F;
     const double length = sum.norm();  // 2 cos(theta/2)
     const double cosTheta = c.normal_F[i].dot(towardsM_F);
@@ -52,11 +79,11 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
       case MovingLayer::none: break;
       case MovingLayer::constant: hM = constantMoving_m; break;
       case MovingLayer::plane: {
-        hM = std::abs(foot.p_MB.y() - planeMovingY_m);
+        hM = std::abs(p_M.y() - planeMovingY_m);
         clampThickness(definition.movingThickness, hM);
         break;
       }
-      case MovingLayer::map: hM = c.map->interpolate(foot.at); break;
+      case MovingLayer::map: hM = c.map->interpolate(at); break;
     }
     if (std::isnan(hM)) {
       ++load.noThicknessElements;
@@ -65,11 +92,11 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
     a.hM_m = hM;
     a.h_m = c.hF_m[i] + hM;
     if (corrected && cosTheta > 0) {
-      a.d_m = -2 * foot.distance_m / length;
+      a.d_m = -2 * distance * (byRay ? cosTheta : 1) / length;
       a.direction_F = sum / length;
     } else {
-      a.d_m = -foot.distance_m;
-      a.direction_F = towardsM_F;
+      a.d_m = -distance;
+      a.direction_F = byRay ? c.normal_F[i] : towardsM_F;
     }
     if (!(cosTheta > 0) || !(a.d_m < a.h_m)) ++load.fullPenetrationElements;
     memory.active.push_back(a);

@@ -63,6 +63,7 @@ ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_un
       pair.impl_->sizeSmoothMemory(compartments[k], m);
     } else {
       m.foot.resize(n);
+      if (pair.impl_->definition.distance == DistanceMethod::ray) m.hits.resize(n);
       m.p_MA.resize(n);
       m.clearance_m.resize(n);
       m.distance_m.resize(n);
@@ -95,6 +96,10 @@ void ContactWorkspace::reset() {
       foot = TrackedFoot{};
       foot.patch = -1;
     }
+    for (TrackedHit& hit : m.hits) {
+      hit = TrackedHit{};
+      hit.patch = -1;
+    }
     std::fill(m.nodeVisit.begin(), m.nodeVisit.end(), 0u);
     std::fill(m.nodePredicted.begin(), m.nodePredicted.end(), 0u);
     m.hasLast = false;
@@ -124,6 +129,9 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
   const auto isRigid = [](const Thickness& t) { return std::holds_alternative<RigidBody>(t.source); };
   if (isRigid(definition.fixedThickness) && isRigid(definition.movingThickness)) {
     fail("contact pair: both bodies are rigid; at least one needs a layer thickness");
+  }
+  if (definition.distance == DistanceMethod::ray && definition.rule == ContactRule::smooth) {
+    fail("contact pair: the distance by ray is not available with the smooth rule; use the centre rule, or the minimum distance");
   }
   impl_ = std::make_unique<Impl>(std::move(definition));
   Impl& m = *impl_;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "detail/BezierHull.h"
 #include "detail/PatchKernel.h"
 #include "detail/SurfaceSearch.h"
 
@@ -45,48 +46,9 @@ bool meets(const Eigen::AlignedBox3d& box, const Vec3& o, const Vec3& d, double 
   return true;
 }
 
-/** Calls visit(P) for the Bezier control points of the sub-rectangle [s0, s1] x [t0, t1] (scaled span parameters) of a
- power-basis span; their hull contains the surface piece (weights > 0). */
-template <class Visit>
-void visitHull(const double* c, int pu, int pv, double s0, double s1, double t0, double t1, const Visit& visit) {
-  using Homogeneous = Eigen::Vector4d;
-  Homogeneous work[6][6];
-  const auto at = [&](int a, int b) {
-    const double* p = c + (a * (pv + 1) + b) * 4;
-    return Homogeneous(p[0], p[1], p[2], p[3]);
-  };
-  // Polynomial in the local parameter of [lo, hi] mapped to [0, 1], then Bernstein coefficients.
-  const auto toBernstein = [](Homogeneous* a, int n, double lo, double hi) {
-    const double w = hi - lo;
-    for (int i = 0; i < n; ++i) {  // Taylor shift to lo
-      for (int j = n - 1; j >= i; --j) a[j] += lo * a[j + 1];
-    }
-    double f = 1;
-    for (int i = 0; i <= n; ++i, f *= w) a[i] *= f;
-    static const double binomial[6][6] = {{1},          {1, 1},         {1, 2, 1},
-                                          {1, 3, 3, 1}, {1, 4, 6, 4, 1}, {1, 5, 10, 10, 5, 1}};
-    Homogeneous out[6];
-    for (int k = 0; k <= n; ++k) {
-      out[k].setZero();
-      for (int i = 0; i <= k; ++i) out[k] += binomial[k][i] / binomial[n][i] * a[i];
-    }
-    for (int k = 0; k <= n; ++k) a[k] = out[k];
-  };
-  for (int a = 0; a <= pu; ++a) {
-    for (int b = 0; b <= pv; ++b) work[a][b] = at(a, b);
-    toBernstein(work[a], pv, t0, t1);
-  }
-  for (int b = 0; b <= pv; ++b) {
-    Homogeneous column[6];
-    for (int a = 0; a <= pu; ++a) column[a] = work[a][b];
-    toBernstein(column, pu, s0, s1);
-    for (int a = 0; a <= pu; ++a) visit(Vec3(column[a].head<3>() / column[a][3]));
-  }
-}
-
 Eigen::AlignedBox3d calcHullBox(const double* c, int pu, int pv, double s0, double s1, double t0, double t1) {
   Eigen::AlignedBox3d box;
-  visitHull(c, pu, pv, s0, s1, t0, t1, [&](const Vec3& p) { box.extend(p); });
+  detail::visitHull(c, pu, pv, s0, s1, t0, t1, [&](const Vec3& p) { box.extend(p); });
   return box;
 }
 
@@ -299,6 +261,18 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
     result.distance_m = along >= 0 ? distance : -distance;
   }
   return result;
+}
+
+/** Largest |normal - normal in the middle| over a rectangle, from its corners and edges; half as much again covers what lies
+ between them. */
+double calcNormalSpread(const NurbsPatch& patch, double u0, double u1, double v0, double v1) {
+  const Vec3 middle = patch.calcNormal(0.5 * (u0 + u1), 0.5 * (v0 + v1));
+  double spread = 0;
+  for (int k = 0; k < 9; ++k) {
+    const Vec3 n = patch.calcNormal(u0 + 0.5 * (k / 3) * (u1 - u0), v0 + 0.5 * (k % 3) * (v1 - v0));
+    spread = std::max(spread, 1.5 * (n - middle).norm());
+  }
+  return spread;
 }
 
 /** Smaller |distance| wins; on a tie an inner foot beats a border foot. */
@@ -537,6 +511,22 @@ SurfaceParameter ContactSurface::Search::findSeed(const double* Q) const {
           clamp(static_cast<double>(seed.v + seed.dv[0] * x + seed.dv[1] * y + seed.dv[2] * z), t.v)};
 }
 
+bool ContactSurface::Search::crossEdge(SurfaceParameter& at, double& u, double& v) const {
+  const detail::PatchTables& t = tables[static_cast<size_t>(at.patch)];
+  const bool outU = !t.u.closed && (u < t.u.lo || u > t.u.hi);
+  const int edge = outU ? (u < t.u.lo ? 0 : 1) : (v < t.v.lo ? 2 : 3);
+  const detail::EdgeLink& link = links[static_cast<size_t>(at.patch)][static_cast<size_t>(edge)];
+  if (link.patch < 0) return false;
+  const detail::PatchTables::Direction& along = outU ? t.v : t.u;
+  double f = std::min(std::max(((outU ? v : u) - along.lo) / (along.hi - along.lo), 0.0), 1.0);
+  if (link.reversed) f = 1 - f;
+  const detail::PatchTables& other = tables[static_cast<size_t>(link.patch)];
+  at.patch = link.patch;
+  u = link.edge == 0 ? other.u.lo : link.edge == 1 ? other.u.hi : other.u.lo + f * (other.u.hi - other.u.lo);
+  v = link.edge == 2 ? other.v.lo : link.edge == 3 ? other.v.hi : other.v.lo + f * (other.v.hi - other.v.lo);
+  return true;
+}
+
 bool ContactSurface::Search::solveFast(const double* Q, SurfaceParameter& at, bool derivatives, detail::TrackedFoot& foot,
                                        double& residual_m, int& iterations) const {
   const detail::SolveFoot solve = detail::activeSolveFoot();
@@ -553,18 +543,7 @@ bool ContactSurface::Search::solveFast(const double* Q, SurfaceParameter& at, bo
       return true;
     }
     if (outcome == detail::FootOutcome::failed) return false;
-    // Beyond an edge: go on where the neighbour begins.
-    const bool outU = !t.u.closed && (search.u < t.u.lo || search.u > t.u.hi);
-    const int edge = outU ? (search.u < t.u.lo ? 0 : 1) : (search.v < t.v.lo ? 2 : 3);
-    const detail::EdgeLink& link = links[static_cast<size_t>(at.patch)][static_cast<size_t>(edge)];
-    if (link.patch < 0) return false;
-    const detail::PatchTables::Direction& along = outU ? t.v : t.u;
-    double f = std::min(std::max(((outU ? search.v : search.u) - along.lo) / (along.hi - along.lo), 0.0), 1.0);
-    if (link.reversed) f = 1 - f;
-    const detail::PatchTables& other = tables[static_cast<size_t>(link.patch)];
-    at.patch = link.patch;
-    search.u = link.edge == 0 ? other.u.lo : link.edge == 1 ? other.u.hi : other.u.lo + f * (other.u.hi - other.u.lo);
-    search.v = link.edge == 2 ? other.v.lo : link.edge == 3 ? other.v.hi : other.v.lo + f * (other.v.hi - other.v.lo);
+    if (!crossEdge(at, search.u, search.v)) return false;
   }
   return false;
 }
@@ -596,6 +575,7 @@ ContactSurface::ContactSurface(std::vector<NurbsPatch> patches) : patches_(std::
             leaf.center = p.calcPoint(0.5 * (leaf.u0 + leaf.u1), 0.5 * (leaf.v0 + leaf.v1));
             boxes.push_back(calcHullBox(p.spanCoefficients(i, j), pu, pv, s0, s1, t0, t1));
             leaf.radius = 0.5 * boxes.back().diagonal().norm();
+            leaf.spread = calcNormalSpread(p, leaf.u0, leaf.u1, leaf.v0, leaf.v1);
             search_->leaves.push_back(leaf);
             box_.extend(boxes.back());
           }
@@ -798,7 +778,7 @@ CertifiedClosestPoint ContactSurface::findClosestPointCertified(const Vec3& Q, d
       const Vec3 sight = (middle - Q).normalized();
       Eigen::AlignedBox3d box;
       double along = kInfinity;
-      visitHull(c, p.data().degreeU, p.data().degreeV, child.s0, child.s1, child.t0, child.t1, [&](const Vec3& P) {
+      detail::visitHull(c, p.data().degreeU, p.data().degreeV, child.s0, child.s1, child.t0, child.t1, [&](const Vec3& P) {
         box.extend(P);
         along = std::min(along, (P - Q).dot(sight));
       });

@@ -2,3 +2,4 @@
 #define GENU_ISA avx2
 #include "detail/CellKernel.inl"
 #include "detail/FootKernel.inl"
+#include "detail/RayKernel.inl"

@@ -2,3 +2,4 @@
 #define GENU_ISA avx512
 #include "detail/CellKernel.inl"
 #include "detail/FootKernel.inl"
+#include "detail/RayKernel.inl"

@@ -535,10 +535,8 @@ class SceneReader {
           strain->getChoice({"small", "large"}) == 0 ? contact::StrainMeasure::small : contact::StrainMeasure::large;
     }
     if (const auto distance = node.find("distance")) {
-      if (distance->isScalar() && distance->getText("a method") == "ray") {
-        distance->fail("\"ray\" is not in this version; allowed: minimum");
-      }
-      distance->getChoice({"minimum"});
+      definition.distance = distance->getChoice({"minimum", "ray"}) == 0 ? contact::DistanceMethod::minimum
+                                                                         : contact::DistanceMethod::ray;
     }
     if (const auto correction = node.find("correction")) {
       definition.correction = correction->getChoice({"midsurface", "none"}) == 0 ? contact::Correction::midsurface

@@ -14,16 +14,16 @@ namespace {
 
 using namespace test;
 
-class Allocation : public testing::TestWithParam<Tracking> {};
-
-TEST_P(Allocation, EvaluationAllocatesNothing) {
+void expectNoAllocation(Tracking tracking, ContactRule rule, DistanceMethod distance) {
   std::vector<NurbsPatch> condyle;
   condyle.emplace_back(makeCondyle());
   auto d = makeScene(share(makePlane(0.008, 0, 0, Solid::below, 0.05)), share(condyle), constantThickness(0.008), uhmwpePowerLaw(),
                      0.012, 30);
   d.movingThickness.source = BackSurface{share(makeSphere(0.02)), BackDirection::closest};
   d.movingThickness.missing_m = 0.002;
-  d.tracking = GetParam();
+  d.tracking = tracking;
+  d.rule = rule;
+  d.distance = distance;
   const ContactPair pair(d);
   ContactWorkspace workspace(pair);
   ContactResult result;
@@ -38,6 +38,14 @@ TEST_P(Allocation, EvaluationAllocatesNothing) {
   EXPECT_EQ(allocations - before, 0);
   EXPECT_GT(active, 0);
 }
+
+class Allocation : public testing::TestWithParam<Tracking> {};
+
+TEST_P(Allocation, EvaluationAllocatesNothing) {
+  const ContactPairDefinition defaults;
+  expectNoAllocation(GetParam(), defaults.rule, defaults.distance);
+}
+TEST_P(Allocation, RayFiringAllocatesNothing) { expectNoAllocation(GetParam(), ContactRule::centre, DistanceMethod::ray); }
 
 INSTANTIATE_TEST_SUITE_P(Modes, Allocation, testing::Values(Tracking::all, Tracking::lipschitz, Tracking::breadthFirst));
 

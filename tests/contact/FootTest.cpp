@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "contact/SplitPatch.h"
 #include "contact/TestSurfaces.h"
 #include "detail/FootKernel.h"
 #include "detail/TrackedFoot.h"
@@ -121,72 +122,15 @@ TEST_P(Feet, DerivativesAreThoseOfTheFoot) {
 
 INSTANTIATE_TEST_SUITE_P(PolynomialAndRational, Feet, testing::Bool());
 
-/** Knot insertion (Boehm) in u, one knot at a time, until `x` has multiplicity `degree`. Polynomial patches. */
-void insertKnotU(NurbsPatchData& d, double x) {
-  const auto p = static_cast<size_t>(d.degreeU);
-  while (std::count(d.knotsU.begin(), d.knotsU.end(), x) < d.degreeU) {
-    const auto numV = static_cast<size_t>(d.numV);
-    const size_t k = static_cast<size_t>(std::upper_bound(d.knotsU.begin(), d.knotsU.end(), x) - d.knotsU.begin()) - 1;
-    std::vector<Vec3> points;
-    for (size_t i = 0; i <= static_cast<size_t>(d.numU); ++i) {
-      const double a = i + p <= k ? 1 : i > k ? 0 : (x - d.knotsU[i]) / (d.knotsU[i + p] - d.knotsU[i]);
-      for (size_t j = 0; j < numV; ++j) {
-        Vec3 point = Vec3::Zero();
-        if (a > 0) point += a * d.points[i * numV + j];
-        if (a < 1) point += (1 - a) * d.points[(i - 1) * numV + j];
-        points.push_back(point);
-      }
-    }
-    d.points = std::move(points);
-    d.knotsU.insert(d.knotsU.begin() + static_cast<std::ptrdiff_t>(k) + 1, x);
-    ++d.numU;
-  }
-}
-
-/** Swaps u and v; the normal turns around and is flipped back. */
-NurbsPatchData swapped(const NurbsPatchData& d) {
-  NurbsPatchData s = d;
-  std::swap(s.degreeU, s.degreeV);
-  std::swap(s.numU, s.numV);
-  std::swap(s.knotsU, s.knotsV);
-  for (int i = 0; i < d.numU; ++i) {
-    for (int j = 0; j < d.numV; ++j) s.points[static_cast<size_t>(j * d.numU + i)] = d.points[static_cast<size_t>(i * d.numV + j)];
-  }
-  s.flipNormal = !d.flipNormal;
-  return s;
-}
-
-std::vector<NurbsPatchData> splitU(NurbsPatchData d, int pieces) {
-  const double lo = d.knotsU.front(), hi = d.knotsU.back();
-  std::vector<NurbsPatchData> out;
-  std::vector<double> cuts;
-  for (int k = 0; k <= pieces; ++k) cuts.push_back(k == pieces ? hi : lo + (hi - lo) * (k + 0.013 * (k % 2)) / pieces);
-  for (int k = 1; k < pieces; ++k) insertKnotU(d, cuts[static_cast<size_t>(k)]);
-  for (size_t k = 0; k + 1 < cuts.size(); ++k) {
-    NurbsPatchData part = d;
-    const auto first = std::lower_bound(d.knotsU.begin(), d.knotsU.end(), cuts[k]);
-    const auto last = std::upper_bound(d.knotsU.begin(), d.knotsU.end(), cuts[k + 1]);
-    const auto begin = k == 0 ? 0 : first - d.knotsU.begin() - 1;
-    std::vector<double> knots(first, last);
-    if (k > 0) knots.insert(knots.begin(), cuts[k]);
-    if (k + 2 < cuts.size()) knots.push_back(cuts[k + 1]);
-    part.knotsU = knots;
-    part.numU = static_cast<int>(knots.size()) - d.degreeU - 1;
-    part.points.assign(d.points.begin() + begin * d.numV, d.points.begin() + (begin + part.numU) * d.numV);
-    out.push_back(part);
-  }
-  return out;
-}
-
 TEST(PatchBorders, ASplitCondyleHasTheDistanceOfTheWholeOne) {
   const NurbsPatchData whole = test::makeCondyle(false);
   const ContactSurface surface = makeSurface(whole);
   for (const int pieces : {2, 4}) {
     std::vector<NurbsPatch> patches;
     int count = 0;
-    for (const NurbsPatchData& strip : splitU(whole, pieces)) {
-      for (const NurbsPatchData& part : splitU(swapped(strip), pieces)) {
-        patches.emplace_back(count++ % 2 ? part : swapped(part));  // neighbours with their directions exchanged, too
+    for (const NurbsPatchData& strip : test::splitU(whole, pieces)) {
+      for (const NurbsPatchData& part : test::splitU(test::swapped(strip), pieces)) {
+        patches.emplace_back(count++ % 2 ? part : test::swapped(part));  // neighbours with their directions exchanged, too
       }
     }
     ASSERT_EQ(static_cast<int>(patches.size()), pieces * pieces);

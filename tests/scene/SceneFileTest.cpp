@@ -143,7 +143,7 @@ TEST(SceneFile, HeightFieldsReachBeyondTheRectangles) {
 TEST(SceneFile, ContactOptions) {
   const std::string yaml = replaced(kSphere, "    material: insert\n", R"(    material: {fixed: insert, moving: soft}
     strain: large
-    distance: minimum
+    distance: ray
     correction: none
     tracking: breadth-first-unguarded
     copy_tolerance: 1 um
@@ -155,6 +155,7 @@ TEST(SceneFile, ContactOptions) {
       "{surface: femur}", "{surface: femur, thickness: {height_above: 2 mm, min: 1 mm, max: 4 mm, map_samples: 5x7}}"));
   const auto& definition = scene.contacts[0].definition;
   EXPECT_EQ(definition.strain, contact::StrainMeasure::large);
+  EXPECT_EQ(definition.distance, contact::DistanceMethod::ray);
   EXPECT_EQ(definition.correction, contact::Correction::none);
   EXPECT_EQ(definition.tracking, contact::Tracking::breadthFirstUnguarded);
   EXPECT_EQ(definition.copyTolerance, 1e-6);
@@ -380,8 +381,8 @@ TEST(SceneErrors, Structure) {
   EXPECT_THAT(messageAfter("thickness: 6 mm", "thickness: none"),
               AllOf(StartsWith("s.yaml:8: contact.knee: neither body"), HasSubstr("thickness")));
   EXPECT_THAT(messageAfter("{surface: femur}", "{}"), HasSubstr("no moving surface"));
-  EXPECT_THAT(messageAfter("material: insert", "material: insert\n    distance: ray"),
-              AllOf(HasSubstr("\"ray\" is not in this version"), HasSubstr("minimum")));
+  EXPECT_THAT(messageAfter("material: insert", "material: insert\n    distance: rays"),
+              AllOf(HasSubstr("rays"), HasSubstr("minimum"), HasSubstr("ray")));
   EXPECT_THAT(messageAfter("sphere: {R: 30 mm}", "sphere: {R: 30 mm}, plane: {}"), HasSubstr("a surface is one thing"));
   EXPECT_THAT(messageAfter("{sphere: {R: 30 mm}}", "{pose: \"\"}"), HasSubstr("no kind of surface"));
   EXPECT_THAT(messageAfter("{sphere: {R: 30 mm}}", "{sphere: {R: 30 mm}, extent: 1 m}"),

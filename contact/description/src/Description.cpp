@@ -335,8 +335,8 @@ genu_status createFromJson(const char* text, genu_pair** out) {
     throw std::invalid_argument(std::string("description: not JSON: ") + e.what());
   }
   requireObject(j, "", {"genu_contact", "surfaces", "compartments", "element_plane_y", "fixed_thickness",
-                        "moving_thickness", "material", "moving_material", "strain", "correction", "rule", "tracking",
-                        "copy_tolerance"});
+                        "moving_thickness", "material", "moving_material", "strain", "distance", "correction", "rule",
+                        "tracking", "copy_tolerance"});
   toInteger(get(j, "", "genu_contact"), "genu_contact", 1, 1);  // version of the format
   const Surfaces surfaces(get(j, "", "surfaces"));
 
@@ -382,6 +382,7 @@ genu_status createFromJson(const char* text, genu_pair** out) {
     options.moving_material = &second;
   }
   options.strain = static_cast<genu_strain>(choiceOr(j, "", "strain", {"small", "large"}));
+  options.distance = static_cast<genu_distance>(choiceOr(j, "", "distance", {"minimum", "ray"}));
   options.correction = static_cast<genu_correction>(choiceOr(j, "", "correction", {"midsurface", "none"}));
   options.rule = static_cast<genu_rule>(choiceOr(j, "", "rule", {"smooth", "centre"}));
   options.tracking = static_cast<genu_tracking>(

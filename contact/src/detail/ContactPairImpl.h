@@ -11,6 +11,7 @@
 #include "DistancePredictor.h"
 #include "LayerThickness.h"
 #include "PressureTable.h"
+#include "TrackedHit.h"
 #include "genu/contact/ContactPair.h"
 
 namespace genu::contact {
@@ -57,6 +58,7 @@ struct Active {
 struct CompartmentMemory {
   // Centre rule, of the last query of each element:
   std::vector<SurfaceParameter> foot;  // patch -1: never queried
+  std::vector<TrackedHit> hits;        // ray method only
   std::vector<Vec3> p_MA;              // where it was
   std::vector<double> clearance_m;     // contact is impossible within this distance of p_MA
   std::vector<double> distance_m;      // signed

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "FootKernel.h"
+#include "RayKernel.h"
 #include "genu/contact/ContactSurface.h"
 
 namespace genu::contact {
@@ -63,6 +64,7 @@ struct ContactSurface::Search {
     double u0, u1, v0, v1;
     Vec3 center;
     double radius;  // half diagonal of the piece's box
+    double spread;  // bound of |normal - normal at center| over the piece (sampled)
   };
   struct Node {
     Eigen::AlignedBox3d box;
@@ -97,6 +99,12 @@ struct ContactSurface::Search {
   /** Fast Newton from `at`, across connected edges; false: take the safeguarded solver. */
   bool solveFast(const double* Q, SurfaceParameter& at, bool derivatives, detail::TrackedFoot& foot, double& residual_m,
                  int& iterations) const;
+  /** Where (u, v) lies beyond an edge of at.patch: moves to where the neighbour begins. False at an open border. */
+  bool crossEdge(SurfaceParameter& at, double& u, double& v) const;
+  /** Fast Newton for the ray A + t n from `at`, across connected edges; the hit counts only if it is the first by the rule of
+   findFirstHit. */
+  bool solveFastRay(const double* A, const double* n, SurfaceParameter& at, bool derivatives, detail::RayHit& hit,
+                    int& iterations, bool& safe) const;
   /** Start near Q for a point near the surface; patch = -1 when there is none. */
   SurfaceParameter findSeed(const double* Q) const;
   bool isSafe(double distance_m) const { return distance_m < 0 ? -distance_m < safeInside : distance_m < safeOutside; }
@@ -105,6 +113,7 @@ struct ContactSurface::Search {
 namespace detail {
 
 struct SurfaceAccess {
+  using Search = ContactSurface::Search;
   static const auto& search(const ContactSurface& surface) { return *surface.search_; }
 };
 

@@ -93,7 +93,7 @@ TEST(Description, EveryKeyReachesTheEngine) {
     "moving_thickness": {"back_closest": "core", "map_samples": [33, 33]},
     "material": {"youngs_modulus": 463e6, "poisson_ratio": 0.46},
     "moving_material": {"law": "linear", "youngs_modulus": 231.5e6, "poisson_ratio": 0.46},
-    "strain": "small", "correction": "midsurface", "rule": "smooth", "tracking": "breadth_first", "copy_tolerance": -1
+    "strain": "small", "distance": "minimum", "correction": "midsurface", "rule": "smooth", "tracking": "breadth_first", "copy_tolerance": -1
   })");
   ASSERT_EQ(genu_pair_num_compartments(pair.get()), 2);
   EXPECT_STREQ(genu_pair_compartment_name(pair.get(), 0), "compartment 0");

@@ -47,15 +47,19 @@ struct CompartmentDefinition {
   std::shared_ptr<const ContactSurface> movingSurface;  ///< in M
 };
 
-enum class DistanceMethod { minimum };
+/** Distance of an element from the moving surface [BF2004 §2.2, Fig. 3]. The paper prefers the minimum distance. */
+enum class DistanceMethod {
+  minimum,  ///< AB to the closest point B; u = -normal at B
+  ray,      ///< AC along the element's normal n to the first hit C; u = -normal at C. Centre rule only
+};
 /** How an element's share of the load is found (docs/theory.md, "Smooth rim"). */
 enum class ContactRule {
   smooth,  ///< the pressure is integrated over the part of each cell where the surfaces overlap: net load C1 in the pose
   centre,  ///< whole cells, in contact or not by their centre [BF2004 §2.3]: the load jumps as cells switch
 };
 enum class Correction {
-  midsurface,  ///< d = AB / cos(theta/2), force along the bisector [BF2004 Fig. 3]
-  none,        ///< d = AB, force along AB: conservative
+  midsurface,  ///< d = AB / cos(theta/2) or AC cos(theta) / cos(theta/2), force along the bisector [BF2004 Fig. 3]
+  none,        ///< d = AB, force along AB: conservative; ray: d = AC, force along n
   energy,      ///< d as midsurface; the load is minus the exact gradient of the elements' energies: conservative. Smooth rule only
 };
 enum class Tracking {
@@ -113,9 +117,10 @@ struct NetLoad {
   int activeElements = 0;               ///< cells with any part in contact
   int extrapolatedElements = 0;
   int fullPenetrationElements = 0;
-  int notConvergedQueries = 0;
+  int notConvergedQueries = 0;   ///< closest points and rays
   int noThicknessElements = 0;  ///< would touch, but the moving body's layer is unknown there: left out
-  int boundaryElements = 0;  ///< behind the moving surface but with the foot on its border: not in contact
+  /** Behind the moving surface but with the foot on its border, or the ray through its open side: not in contact. */
+  int boundaryElements = 0;
 
   Vec3 forceOnF_F() const { return -forceOnM_F; }
   Vec3 momentOnF_Fo_F() const { return -momentOnM_Fo_F; }
@@ -142,7 +147,7 @@ struct ElementField {
   double area_m2 = 0;     ///< of the whole element
   double contactShare = 0;  ///< of that area, 0 .. 1
   double force_N = 0;     ///< int p dA over the element
-  double distance_m = 0;  ///< signed, uncorrected; lower bound when the element was skipped
+  double distance_m = 0;  ///< signed, uncorrected: AB, or AC where a ray was fired; lower bound when the element was skipped
   double d_m = 0;         ///< penetration after correction, 0 when inactive
   double h_m = 0;         ///< summed thickness
   double p_Pa = 0;        ///< at the element's centre; 0 where only a corner touches
@@ -200,6 +205,7 @@ class ContactWorkspace {
    raw distance AB: closest point B on M's surface from the element centre A on F's surface
    theta: angle between F's outward normal n at A and u, the direction of AB turned into M (u = -outward normal of M)
    d = AB / cos(theta/2), m = (n + u)/|n + u|, force on M: p(d, h) dA m at A, dA = dx dz / n_y
+   by ray: C where the line through A along n enters M (DistanceMethod::ray), d = AC cos(theta) / cos(theta/2)
  The net load is the integral of p m over the overlap by the definition's rule: smooth (default) or centre.
  Infinitely thin, frictionless, valid while the moving surface faces the element (cos theta > 0). */
 class ContactPair {
@@ -207,7 +213,7 @@ class ContactPair {
   /** Builds grids and thickness maps.
    @throws std::invalid_argument naming the compartment or quantity, its value and what is allowed: empty rectangle, no
    element at all, inverted normals (only downward crossings), no thickness, negative height above the plane, bad
-   material */
+   material, ray firing with the smooth rule */
   explicit ContactPair(ContactPairDefinition definition);
   ~ContactPair();
   ContactPair(ContactPair&&) noexcept;

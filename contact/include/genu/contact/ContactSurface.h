@@ -43,6 +43,13 @@ struct LineHit {
   Vec3 normal = Vec3::Zero();  ///< unit outward
 };
 
+/** The crossing where a ray from a contact element enters the solid, see ContactSurface::findFirstHit. */
+struct FirstHit : LineHit {
+  double residual_m = 0;  ///< distance of S(u, v) from the line
+  HitStatus status = HitStatus::notConverged;
+  int iterations = 0;
+};
+
 /** The processor instructions the distance queries run with, chosen at the first query: "avx512", "avx2" or "baseline". */
 const char* activeInstructionSet();
 
@@ -82,6 +89,17 @@ class ContactSurface {
    may be missed. Appends to `hits` after clearing it. */
   void findLineHits(const Vec3& origin, const Vec3& direction, double tMin_m, double tMax_m,
                     std::vector<LineHit>& hits) const;
+
+  /** Signed ray firing [BF2004 Fig. 3]: the point C where the line A + t n (unit n) enters the solid, outward normal . n < 0.
+   t > 0: A is outside and C ahead; t < 0: A is inside and C behind it. C is the crossing next to A, ahead or behind, that
+   enters; where both do (a sheet without a far side) the nearer; where neither does the ray misses.
+   Newton starts from the seed (a hit of a nearby ray) or near the closest point. Its crossing counts without further search
+   where |t| < R cos(theta), R = safeDistanceOutside (t > 0) or Inside (t < 0), cos(theta) = -normal . n: the ball of radius R
+   that touches the surface at C on A's side holds no other surface point, and the line within |t| of A runs inside it up
+   to C. Otherwise every crossing within |t| of A is looked for, and if there is another, all of them decide. Crossings within
+   1e-3 rad of the tangent plane do not count. Across patch borders the search goes on along connected edges.
+   @post if status == hit: |(S(u, v) - A) x n| <= tol */
+  FirstHit findFirstHit(const Vec3& p_MA, const Vec3& direction_M, const SurfaceParameter* seed = nullptr) const;
 
   /** Radius within which the foot is unique, half of the sampled smallest medial-ball radius: inside the solid, and
    outside (infinite for a convex body). */

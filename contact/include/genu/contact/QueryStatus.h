@@ -11,4 +11,11 @@ enum class QueryStatus : std::uint8_t {
   notConverged,  ///< the residual stayed above the tolerance; the distance is an upper bound
 };
 
+/** How a ray query ended. */
+enum class HitStatus : std::uint8_t {
+  hit,           ///< the residual is below the tolerance
+  missed,        ///< no entering crossing next to the origin, neither ahead nor behind
+  notConverged,  ///< bad input, or Newton failed where a crossing may be (the ray grazes)
+};
+
 }  // namespace genu::contact

@@ -143,8 +143,12 @@ typedef struct genu_compartment {
 typedef enum genu_strain { GENU_STRAIN_SMALL = 0, GENU_STRAIN_LARGE = 1 } genu_strain;
 typedef enum genu_correction {
   GENU_CORRECTION_MIDSURFACE = 0, /* d = AB / cos(theta/2), force along the bisector */
-  GENU_CORRECTION_NONE = 1        /* distance and force along the minimum distance: conservative */
+  GENU_CORRECTION_NONE = 1        /* distance and force along the minimum distance: conservative; ray: along the ray */
 } genu_correction;
+typedef enum genu_distance {
+  GENU_DISTANCE_MINIMUM = 0, /* AB, to the closest point of the moving surface */
+  GENU_DISTANCE_RAY = 1      /* AC, along the normal to the first hit, d = AC cos(theta) / cos(theta/2); centre rule only */
+} genu_distance;
 typedef enum genu_rule {
   GENU_RULE_SMOOTH = 0, /* pressure is integrated over the part of each cell in contact: the load is C1 in the pose */
   GENU_RULE_CENTRE = 1  /* whole cells, by their centre: the load jumps as cells switch; no stiffness */
@@ -170,6 +174,7 @@ typedef struct genu_pair_options {
   genu_rule rule;
   genu_tracking tracking;
   double copy_tolerance; /* a stored result is returned when no coordinate moved by more [rad, m]; negative: never */
+  genu_distance distance;
 } genu_pair_options;
 
 /* Sets all fields to their defaults; `size` is sizeof(genu_pair_options) where you compile. Does nothing for NULL. */
