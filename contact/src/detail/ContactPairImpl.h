@@ -19,8 +19,12 @@ namespace detail {
 /** How the moving body's layer is found for one foot. */
 enum class MovingLayer { none, constant, plane, map };
 
-/** Grid of one compartment. Nodes are the centres of its elements, then those of the cells around the rectangle and of cells
- without a layer: the smooth rule reads the surface there but integrates over elements only. */
+/** How a node's thickness was found. */
+enum class ThicknessNote : unsigned char { measured, clamped, missed };
+
+/** Grid of one compartment. Nodes are the centres of its elements, then the further ones that an element's stencil needs at its
+ own spacing (cells around the rectangle, cells of another level than their neighbor): the smooth rule reads the surface there
+ but integrates over elements only. */
 struct Compartment {
   std::string name;
   int nx = 0, nz = 0;
@@ -28,16 +32,20 @@ struct Compartment {
   const ContactSurface* moving = nullptr;
   const ThicknessMap* map = nullptr;
   int elements = 0;
-  std::vector<int> cell;     // ix * nz + iz of each element
-  std::vector<int> element;  // of each cell, -1 where there is none
+  std::vector<GridCell> cell;  // of each node
+  std::vector<int> element;    // of each cell of level 0, -1 where there is none
   std::vector<std::array<int, 9>> stencil;  // nodes around each element, order of CellRule.h; -1: none
   // Of each node:
   std::vector<Vec3> p_FA, normal_F;
   std::vector<double> area_m2, hF_m;
+  std::vector<ThicknessNote> note;
   std::array<Vec3, 8> corner_F;  // box around all nodes
   size_t size() const { return static_cast<size_t>(elements); }
   size_t numNodes() const { return p_FA.size(); }
 };
+
+/** The cells of a grid, in the order of its elements (which are those that meet the surface). Checks `refined`. */
+std::vector<GridCell> findLeaves(const CompartmentDefinition& c);
 
 /** An element in contact during one evaluation. */
 struct Active {
@@ -102,11 +110,12 @@ struct ContactPair::Impl : detail::PairData {
   std::vector<detail::Compartment> compartments;
   std::vector<GridReport> gridReports;
   std::vector<ThicknessMapReport> mapReports;
-  std::vector<std::unique_ptr<detail::ThicknessMap>> maps;
+  std::vector<std::shared_ptr<const detail::ThicknessMap>> maps;
 
   explicit Impl(ContactPairDefinition d);
 
-  void buildCompartment(const CompartmentDefinition& c);
+  /** Adds the grid of one compartment; nodes that `known`, a grid of the same surfaces and spacing, has are taken from it. */
+  void buildCompartment(const CompartmentDefinition& c, const detail::Compartment* known = nullptr);
 
   /** Whole elements, in contact or not by their centre [BF2004 §2.3]. */
   template <class Law>
