@@ -21,8 +21,13 @@ struct CellDifference {
 struct RawDifference {
   LoadError difference;  // |Q_h - Q_companion|
   LoadError cells;       // root of the sum of squares of the cells' differences; peak: fall to the neighbors. Fine companion only.
+  LoadError edge;        // what the active cells at the end of the fixed surface carry; peak: fall to the neighbors if it is there
   int activeElements = 0;
+  bool atEdge = false;       // contact reaches the end of a surface: the rule has lost an order there
 };
+
+/** The estimate of the header from its parts. */
+LoadError calcEstimate(const RawDifference& raw, const NetLoad& load, bool smooth, Companion companion);
 
 }  // namespace detail
 
@@ -36,8 +41,18 @@ struct ErrorEstimator::Impl {
   std::vector<std::vector<int>> parent;  // of each companion element: the element it is a quarter of, or the number of elements
   std::vector<std::vector<detail::CellDifference>> cells;  // of each element, then of what has no parent
   std::vector<detail::RawDifference> raw;
+  detail::RawDifference total;
+  std::vector<std::vector<double>> pressure;  // at the elements' centres, zero between evaluations
 
+  Impl(const ContactPair& p, Companion c) : pair(p), companion(c) {}
   void build();
+};
+
+/** Reads the parts of the last estimate: of one compartment, or the total's (-1). For the program that fits the factors. */
+struct ErrorEstimatorProbe {
+  static const detail::RawDifference& raw(const ErrorEstimator& e, int compartment) {
+    return compartment < 0 ? e.impl_->total : e.impl_->raw[static_cast<size_t>(compartment)];
+  }
 };
 
 }  // namespace genu::contact

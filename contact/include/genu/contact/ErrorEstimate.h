@@ -7,6 +7,9 @@
 
 namespace genu::contact {
 
+class AdaptiveContact;
+struct ErrorEstimatorProbe;
+
 /** Estimated absolute errors of a net load. Each is an estimate of the size of the error, never negative, not a bound:
  how often the true error is larger was measured and is stated in docs/theory.md, "Error estimate". */
 struct LoadError {
@@ -61,6 +64,7 @@ class ErrorEstimator {
 
  private:
   friend class AdaptiveContact;
+  friend struct ErrorEstimatorProbe;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
