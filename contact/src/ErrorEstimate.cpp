@@ -28,9 +28,9 @@ void splitEveryCell(CompartmentDefinition& c) {
 
 double square(double x) { return x * x; }
 
-/** Fall of the pressure from the largest value at a centre to the mean of the centres around it: p'' h^2 / 2. `atEdge`: the
- fixed surface ends beside it. */
-double calcFall(const Compartment& c, const CompartmentMemory& m, std::vector<double>& pressure, bool& atEdge) {
+/** Fall of the pressure from the largest value at a centre to the mean of the centres around it: p'' h^2 / 2. `around`:
+ the elements there; `atEdge`: the fixed surface ends beside it. */
+double calcFall(const Compartment& c, const CompartmentMemory& m, std::vector<double>& pressure, std::vector<int>& around, bool& atEdge) {
   const Active* peak = nullptr;
   for (const Active& a : m.active) {
     pressure[static_cast<size_t>(a.element)] = a.p_Pa;
@@ -38,8 +38,12 @@ double calcFall(const Compartment& c, const CompartmentMemory& m, std::vector<do
   }
   double fall = 0;
   atEdge = false;
+  around.clear();
   if (peak != nullptr) {
     const auto& stencil = c.stencil[static_cast<size_t>(peak->element)];
+    for (const int k : stencil) {
+      if (k >= 0 && k < c.elements) around.push_back(k);
+    }
     double sum = 0;
     int count = 0;
     for (size_t k = 1; k < 5; ++k) {
@@ -54,14 +58,20 @@ double calcFall(const Compartment& c, const CompartmentMemory& m, std::vector<do
   return fall;
 }
 
+/** Sides of an element beside which there is no surface. */
+int countEnds(const Compartment& c, int element) {
+  int ends = 0;
+  for (size_t k = 1; k < 5; ++k) ends += c.stencil[static_cast<size_t>(element)][k] < 0;
+  return ends;
+}
+
 /** What the active cells carry beside which the fixed surface ends: its end lies anywhere within half a cell of where the grid
  puts it, and two grids often put it at the same place. */
 LoadError calcEdge(const Compartment& c, const CompartmentMemory& m, const NetLoad& load) {
   LoadError e;
   for (const Active& a : m.active) {
     const auto i = static_cast<size_t>(a.element);
-    int ends = 0;
-    for (size_t k = 1; k < 5; ++k) ends += c.stencil[i][k] < 0;
+    const int ends = countEnds(c, a.element);
     if (ends == 0) continue;
     e.force_N += ends * a.force_N;
     e.area_m2 += ends * a.share * c.area_m2[i];
@@ -107,9 +117,9 @@ constexpr double kCellsOfMean = 0.3; // the mean is less sensitive than force an
 constexpr Calibration kFineSmooth = {{1.5, 1.5, 1.5, 1.5, 1.5}, {2, 2, 3, 2, 2}, 0, {}, {}, 0.004};
 constexpr Calibration kFineCentre = {{2, 2, 2, 2, 2}, {2, 2, 2, 2, 2}, 0, {}, {}, 0.35};
 constexpr double kCellsSmooth = 1.0, kCellsCentre = 0.6;  // fine companion: of the root of the cells' squares, times a
-constexpr Calibration kCoarseSmooth = {{0.28, 0.28, 0.45, 0.45, 0.55}, {1.5, 1.5, 3, 1.5, 3}, 3, {0.03, 0.03, 0.01, 0.04, 0.03},
-                                       {2, 2, 2, 2, 2}, 0.003};
-constexpr Calibration kCoarseCentre = {{1, 1, 2, 1, 1}, {1.5, 1.5, 2, 1, 1}, 1, {1, 1, 0.5, 1, 1}, {1.25, 1.25, 1, 0.75, 0.75}, 0.35};
+constexpr Calibration kCoarseSmooth = {{0.28, 0.28, 0.4, 0.45, 0.5}, {1.5, 1.5, 2.5, 1.5, 3}, 3, {0.03, 0.03, 0.01, 0.04, 0.03},
+                                       {2, 2, 2, 2, 2}, 0.002};
+constexpr Calibration kCoarseCentre = {{1, 1, 2, 1, 1}, {1.5, 1.5, 2, 1, 1}, 1, {1.5, 1.5, 0.7, 1.2, 1}, {1.25, 1.25, 1, 0.75, 0.75}, 0.35};
 
 double norm(double a, double b, double c) { return std::sqrt(a * a + b * b + c * c); }
 
@@ -141,7 +151,7 @@ LoadError detail::calcEstimate(const RawDifference& raw, const NetLoad& load, bo
   return e;
 }
 
-void ErrorEstimator::Impl::build() {
+void ErrorEstimator::Impl::build(const ContactPair* known) {
   ContactPairDefinition d = pair.definition();
   d.copyTolerance = 0;
   for (CompartmentDefinition& c : d.compartments) {
@@ -152,17 +162,28 @@ void ErrorEstimator::Impl::build() {
       c.nz = (c.nz + 1) / 2;
     }
   }
-  other.emplace(ContactPair(std::move(d)));
+  if (known) {
+    std::vector<std::vector<GridCell>> refined;
+    for (CompartmentDefinition& c : d.compartments) refined.push_back(std::move(c.refined));
+    other.emplace(known->withRefinedCells(std::move(refined)));
+  } else {
+    other.emplace(std::move(d));
+  }
   workspace.emplace(*other);
   const size_t n = pair.impl_->compartments.size();
   raw.resize(n);
   cells.resize(n);
   parent.resize(n);
   pressure.resize(n);
+  cellOf.resize(n);
+  elements.resize(n);
+  peakCells.resize(n);
   for (size_t k = 0; k < n; ++k) {
     const Compartment& own = pair.impl_->compartments[k];
-    cells[k].resize(own.size() + 1);
+    elements[k] = own.elements;
     pressure[k].resize(own.size());
+    cellOf[k].assign(own.cell.begin(), own.cell.begin() + own.elements);
+    peakCells[k].reserve(16);
     if (companion == Companion::coarse) continue;
     const Compartment& fine = other->impl_->compartments[k];
     // A cell of the companion at level L is a quarter of the cell (L, ix / 2, iz / 2).
@@ -177,9 +198,12 @@ void ErrorEstimator::Impl::build() {
     parent[k].resize(fine.size());
     for (size_t e = 0; e < fine.size(); ++e) {
       const GridCell& cell = fine.cell[e];
-      const auto it = at.find(key(cell.level, cell.ix / 2, cell.iz / 2));
-      parent[k][e] = it == at.end() ? own.elements : it->second;
+      const GridCell larger{cell.level, cell.ix / 2, cell.iz / 2};
+      const auto [it, isNew] = at.emplace(key(larger.level, larger.ix, larger.iz), static_cast<int>(cellOf[k].size()));
+      if (isNew) cellOf[k].push_back(larger);
+      parent[k][e] = it->second;
     }
+    cells[k].resize(cellOf[k].size());
   }
 }
 
@@ -231,7 +255,7 @@ void ErrorEstimator::evaluate(const ContactWorkspace& ownWorkspace, ContactError
     raw.activeElements = own.stored.compartments[k].activeElements;
     raw.atEdge = reachesEdge(c, own.compartments[k], own.stored.compartments[k], smooth);
     bool peakAtEdge = false;
-    raw.cells.peakPressure_Pa = calcFall(c, own.compartments[k], m.pressure[k], peakAtEdge);
+    raw.cells.peakPressure_Pa = calcFall(c, own.compartments[k], m.pressure[k], m.peakCells[k], peakAtEdge);
     raw.edge = calcEdge(c, own.compartments[k], own.stored.compartments[k]);
     if (peakAtEdge) raw.edge.peakPressure_Pa = raw.cells.peakPressure_Pa;
     if (m.companion == Companion::fine) {
@@ -244,12 +268,15 @@ void ErrorEstimator::evaluate(const ContactWorkspace& ownWorkspace, ContactError
         d.area_m2 += sign * a.share * grid.area_m2[i];
       };
       for (const Active& a : own.compartments[k].active) add(cells[static_cast<size_t>(a.element)], c, a, 1);
+      const Active* peak = nullptr;
       for (const Active& a : m.workspace->impl_->compartments[k].active) {
+        if (peak == nullptr || a.p_Pa > peak->p_Pa) peak = &a;
         CellDifference& d = cells[static_cast<size_t>(m.parent[k][static_cast<size_t>(a.element)])];
         add(d, fine, a, -1);
         // Arm of the cell's force: of its children in contact, any of them.
         d.moment_Nm = std::max(d.moment_Nm, fine.p_FA[static_cast<size_t>(a.element)].cross(a.direction_F).norm());
       }
+      if (peak != nullptr) m.peakCells[k].push_back(m.parent[k][static_cast<size_t>(peak->element)]);
       for (const Active& a : own.compartments[k].active) {
         CellDifference& d = cells[static_cast<size_t>(a.element)];
         d.moment_Nm = std::max(d.moment_Nm, c.p_FA[static_cast<size_t>(a.element)].cross(a.direction_F).norm());
@@ -261,6 +288,15 @@ void ErrorEstimator::evaluate(const ContactWorkspace& ownWorkspace, ContactError
         raw.cells.force_N += square(d.force_N);
         raw.cells.moment_Nm += square(d.moment_Nm);
         raw.cells.area_m2 += square(d.area_m2);
+      }
+      // What the end of the surface may hide belongs to its cells too: the adaptive grid looks there.
+      for (const Active& a : own.compartments[k].active) {
+        const double share = kEdge * countEnds(c, a.element);
+        if (share == 0) continue;
+        const auto i = static_cast<size_t>(a.element);
+        cells[i].force_N = std::hypot(cells[i].force_N, share * a.force_N);
+        cells[i].area_m2 = std::hypot(cells[i].area_m2, share * a.share * c.area_m2[i]);
+        cells[i].moment_Nm = std::hypot(cells[i].moment_Nm, share * a.force_N * c.p_FA[i].cross(a.direction_F).norm());
       }
     }
     total.cells.force_N += raw.cells.force_N;

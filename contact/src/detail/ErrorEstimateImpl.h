@@ -38,14 +38,18 @@ struct ErrorEstimator::Impl {
   std::optional<ContactWorkspace> workspace;
   ContactResult result;
   // Of each compartment:
-  std::vector<std::vector<int>> parent;  // of each companion element: the element it is a quarter of, or the number of elements
-  std::vector<std::vector<detail::CellDifference>> cells;  // of each element, then of what has no parent
+  std::vector<int> elements;
+  std::vector<std::vector<GridCell>> cellOf;  // elements, then cells that are none but hold companion elements
+  std::vector<std::vector<int>> parent;       // of each companion element: the cell it is a quarter of
+  std::vector<std::vector<detail::CellDifference>> cells;  // of each cell; fine companion only
+  std::vector<std::vector<int>> peakCells;    // cells at and around the largest pressure of either grid
   std::vector<detail::RawDifference> raw;
   detail::RawDifference total;
   std::vector<std::vector<double>> pressure;  // at the elements' centres, zero between evaluations
 
   Impl(const ContactPair& p, Companion c) : pair(p), companion(c) {}
-  void build();
+  /** The companion; `known` is that of the same pair on another refinement. */
+  void build(const ContactPair* known = nullptr);
 };
 
 /** Reads the parts of the last estimate: of one compartment, or the total's (-1). For the program that fits the factors. */
