@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <unordered_map>
 #include <utility>
 
 #include "detail/ErrorEstimateImpl.h"
@@ -146,6 +149,36 @@ struct AdaptiveContact::Impl {
     }
   }
 
+  /** Marks the cells around the marked ones that are not finer than they. A whole cell that the rim cuts can agree with its four
+   children, all in or all out, and be wrong; beside it the rim cuts cells that do not agree. */
+  void markAround() {
+    const ErrorEstimator::Impl& m = *estimator->impl_;
+    const auto key = [](const GridCell& c) {
+      return (static_cast<std::uint64_t>(c.level) << 56) | (static_cast<std::uint64_t>(c.ix) << 28) | static_cast<std::uint64_t>(c.iz);
+    };
+    for (size_t k = 0; k < marked.size(); ++k) {
+      const CompartmentDefinition& c = pair->definition().compartments[k];
+      std::unordered_map<std::uint64_t, size_t> at;
+      for (size_t i = 0; i < m.cellOf[k].size(); ++i) at.emplace(key(m.cellOf[k][i]), i);
+      const std::vector<char> before = marked[k];
+      for (size_t i = 0; i < before.size(); ++i) {
+        if (!before[i]) continue;
+        const GridCell& cell = m.cellOf[k][i];
+        for (int dx = -1; dx <= 1; ++dx) {
+          for (int dz = -1; dz <= 1; ++dz) {
+            GridCell next{cell.level, cell.ix + dx, cell.iz + dz};
+            if (next.ix < 0 || next.iz < 0 || next.ix >= c.nx << next.level || next.iz >= c.nz << next.level) continue;
+            for (;; next = {next.level - 1, next.ix / 2, next.iz / 2}) {
+              const auto it = at.find(key(next));
+              if (it != at.end()) marked[k][it->second] = 1;
+              if (it != at.end() || next.level == 0) break;
+            }
+          }
+        }
+      }
+    }
+  }
+
   void describeGrid() {
     out.elementsPerLevel.assign(1, 0);
     const ErrorEstimator::Impl& m = *estimator->impl_;
@@ -184,6 +217,10 @@ struct AdaptiveContact::Impl {
   }
 
   void run(const JointCoordinates& q) {
+    // The first of several grids that passes is taken, so that estimates which are small by chance are preferred. Those of the
+    // centre rule are largely chance.
+    const bool isCentre = pair->definition().rule == ContactRule::centre;
+    const double caution = isCentre ? 2 : 1;
     out.iterations = 0;
     out.advice.clear();
     bool fresh = isBase;
@@ -215,7 +252,7 @@ struct AdaptiveContact::Impl {
       for (int j = 0; j < kQuantities; ++j) {
         const auto& t = tolerance[static_cast<size_t>(j)];
         if (!t) continue;
-        const double over = share(j) / *t;
+        const double over = caution * share(j) / *t;
         if (over <= 1) continue;
         markFor(j);
         if (over > excess) {
@@ -227,6 +264,7 @@ struct AdaptiveContact::Impl {
         out.status = AdaptiveStatus::converged;
         return;
       }
+      if (isCentre) markAround();
       if (out.iterations >= options.maxIterations) {
         return stop(AdaptiveStatus::iterationLimit, worst, "allow more iterations or a larger tolerance");
       }

@@ -10,7 +10,8 @@
 namespace genu::contact {
 
 /** Largest estimated error of each quantity of the total load, as a share of the quantity's own value; absent: not asked for.
- The moment's share is of max(|M|, |F| 1 mm), so that a moment that vanishes by symmetry can be met. */
+ The moment's share is of max(|M|, |F| 1 mm), so that a moment that vanishes by symmetry can be met. With the centre rule twice the estimate must be within: its estimates scatter, and
+ stopping at the first grid that passes prefers those that are too small. */
 struct AdaptiveTolerances {
   std::optional<double> force, moment, peakPressure, meanPressure, area;
 };
