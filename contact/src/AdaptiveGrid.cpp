@@ -226,7 +226,7 @@ struct AdaptiveContact::Impl {
     bool fresh = isBase;
     for (;;) {
       ++out.iterations;
-      pair->evaluate(q, *workspace, {}, out.result);
+      pair->evaluate(q, *workspace, options.evaluation, out.result);
       if (!fresh && out.iterations == 1 && isMostlyIdle()) {
         start();
         fresh = true;

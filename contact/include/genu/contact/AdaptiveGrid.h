@@ -23,6 +23,7 @@ struct AdaptiveOptions {
   /** Share of the sum of squared cell differences that the cells split in one step hold [Doerfler 1996, bulk criterion]. */
   double marking = 0.8;
   int maxIterations = 30;
+  ContactPair::Options evaluation;  ///< of every evaluation
 };
 
 enum class AdaptiveStatus {
