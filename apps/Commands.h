@@ -27,6 +27,7 @@ struct RunOptions {
   std::filesystem::path reference;
   std::string side = "right";
   bool noMaps = false, noPlots = false, keepFailed = false;
+  bool noErrorEstimate = false;  ///< replay
 };
 
 struct ContactOptions {
@@ -34,6 +35,8 @@ struct ContactOptions {
   std::string pose, grid;
   std::filesystem::path field;
   bool json = false;
+  bool error = false;             ///< estimate the error of the grid
+  std::optional<double> adaptive;  ///< refine until the estimates are within this share of the values
 };
 
 // Each returns an exit code or throws InputError or ComputationError.

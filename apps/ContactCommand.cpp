@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "Commands.h"
+#include "genu/contact/AdaptiveGrid.h"
 #include "genu/contact/ContactPair.h"
 #include "genu/model/UrdfModel.h"
 #include "genu/report/ContactReport.h"
@@ -73,11 +74,36 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
   const PairPoses poses(scene);
 
   std::vector<contact::ContactResult> results(pairs.size());
+  std::vector<contact::ContactErrorEstimate> errors;
   std::vector<contact::ContactWorkspace> workspaces;
+  std::vector<contact::AdaptiveContact> adaptive;
+  std::vector<std::string> gridNotes;
   for (size_t p = 0; p < pairs.size(); ++p) {
+    if (options.adaptive) {
+      contact::AdaptiveOptions wanted;
+      const double tolerance = *options.adaptive;
+      if (!(tolerance >= 1e-12 && tolerance <= 1)) {
+        throw InputError(fmt::format("--adaptive {}: allowed: 1e-12 to 1, a share of each quantity", tolerance));
+      }
+      wanted.tolerance = {tolerance, tolerance, tolerance, tolerance, tolerance};
+      wanted.evaluation.withEnergy = true;
+      adaptive.emplace_back(pairs[p]->definition(), wanted);
+      const contact::AdaptiveResult& r = adaptive.back().evaluate(poses.calcPose(q, p));
+      results[p] = r.result;
+      errors.push_back(r.estimate);
+      std::string levels;
+      for (const int count : r.elementsPerLevel) levels += " " + std::to_string(count);
+      gridNotes.push_back(scene.contacts[p].name + ": adaptive grid, " + contact::toString(r.status) + " after " +
+                          std::to_string(r.iterations) + " evaluations: " + std::to_string(r.elements) +
+                          " elements, by level" + levels);
+      if (!r.advice.empty()) spdlog::warn("{}: {}", scene.contacts[p].name, r.advice);
+      continue;
+    }
     workspaces.emplace_back(*pairs[p]);
     pairs[p]->evaluate(poses.calcPose(q, p), workspaces[p], {true}, results[p]);
+    if (options.error) contact::ErrorEstimator(*pairs[p]).evaluate(workspaces[p], errors.emplace_back());
   }
+  const auto pairOf = [&](size_t p) -> const contact::ContactPair& { return options.adaptive ? adaptive[p].pair() : *pairs[p]; };
   const EvaluationStatus status = report::worstStatus(results);
   const bool hasNumbers = report::hasNumbers(status);
   if (format && hasNumbers) {
@@ -86,12 +112,13 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
       if (pairs.size() > 1) {
         file.replace_filename(file.stem().string() + "_" + scene.contacts[p].name + file.extension().string());
       }
-      const auto fields = pairs[p]->calcFields(workspaces[p]);
+      const contact::ContactPair& pair = pairOf(p);
+      const auto fields = pair.calcFields(options.adaptive ? adaptive[p].workspace() : workspaces[p]);
       const HoldExit hold;
       if (*format == FieldFormat::csv) {
-        report::writeElementCsv(file, pairs[p]->definition(), fields);
+        report::writeElementCsv(file, pair.definition(), fields);
       } else {
-        report::writeVtp(file, report::makeElementMesh(pairs[p]->definition(), fields, report::Precision::full));
+        report::writeVtp(file, report::makeElementMesh(pair.definition(), fields, report::Precision::full));
       }
       spdlog::info("wrote {}", file.string());
     }
@@ -100,12 +127,12 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
 
   const std::string text = report::describeStatus(scene, results);
   if (options.json) {
-    nlohmann::ordered_json json = report::toJson(scene, results);
+    nlohmann::ordered_json json = report::toJson(scene, results, errors);
     nlohmann::ordered_json grid;
     const auto names = report::listCompartmentNames(scene);
     size_t row = 0;
-    for (const auto& pair : pairs) {
-      for (const auto& g : pair->gridReports()) {
+    for (size_t p = 0; p < pairs.size(); ++p) {
+      for (const auto& g : pairOf(p).gridReports()) {
         grid[names[row++]] = {{"cells", g.cells},
                               {"elements", g.elements},
                               {"missed_surface", g.missedSurface},
@@ -117,7 +144,8 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
     fmt::print("{}\n", json.dump(2));
   } else if (hasNumbers) {
     fmt::print("{} at pose {}\nstatus: {}, {}\n\n{}", scene.name, options.pose, contact::toString(status), text,
-               report::formatTable(scene, results));
+               report::formatTable(scene, results, errors));
+    for (const auto& note : gridNotes) fmt::print("{}\n", note);
     for (const auto& [name, load] : report::listLoads(scene, results)) {
       const contact::Vec3 f = roundForPrint(load.forceOnM_F), cop = roundForPrint(load.centerOfPressure_F * 1e3);
       fmt::print("{}: force on the moving body ({:.4f}, {:.4f}, {:.4f}) N", name, f.x(), f.y(), f.z());

@@ -190,7 +190,7 @@ int runReplayCommand(const RunOptions& options, const CommonOptions& common) {
   scene::Trajectory trajectory;
   {
     ProgressMeter meter("replay", common.console);
-    trajectory = model::replay(run.time_s, run.q, scene, meter.callback());
+    trajectory = model::replay(run.time_s, run.q, scene, meter.callback(), !options.noErrorEstimate);
   }
   return finish(scene, trajectory, info, runOptions, stored);
 }

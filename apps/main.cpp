@@ -97,9 +97,12 @@ int run(int argc, char** argv) {
       ->required();
   addRunOptions(*command, runOptions, "RESULTS-replay-NXxNZ",
                 "Elements of every compartment; default: the run's scene");
+  command->add_flag("--no-error-estimate", runOptions.noErrorEstimate,
+                    "No estimates of the error that the grid makes: a quarter of the time");
   addCommonOptions(*command, common);
   command->footer(
       std::string("\nExample:\n  genu replay gait --grid 50x50 --output gait50\n\n"
+                  "Every load comes with an estimate of the error that the grid makes (docs/theory.md).\n"
                   "The scene and its inputs are taken from the results folder, as they were during the run.\n") +
       kExitCodes);
   actions[command] = [&] { return runReplayCommand(runOptions, common); };
@@ -114,6 +117,12 @@ int run(int argc, char** argv) {
   command->add_option("--grid", contactOptions.grid, "Elements of every compartment instead of the scene's")
       ->type_name("NXxNZ");
   command->add_flag("--json", contactOptions.json, "JSON on stdout instead of a table");
+  command->add_flag("--error", contactOptions.error, "Also estimate the error that the grid makes");
+  command
+      ->add_option("--adaptive", contactOptions.adaptive,
+                   "Refine the grid where it errs until force, torque, peak, mean and area are estimated to be right to "
+                   "this share of their values, e.g. 0.001; implies --error")
+      ->type_name("TOL");
   command
       ->add_option("--field", contactOptions.field,
                    "Write the elements with pressure, penetration, ... to a .vtp or .csv")

@@ -9,6 +9,7 @@
 
 #include "genu/contact/AnalyticSurface.h"
 #include "genu/contact/ContactPair.h"
+#include "genu/contact/ErrorEstimate.h"
 #include "genu/contact/genu_contact.h"
 
 namespace gc = genu::contact;
@@ -37,6 +38,8 @@ struct genu_workspace {
   gc::ContactResult result;
   bool evaluated = false;
   CallersRunner runner{};
+  std::unique_ptr<gc::ErrorEstimator> estimators[2] = {};  // by companion, made when first asked for
+  gc::ContactErrorEstimate estimate = {};
 };
 
 namespace {
@@ -569,6 +572,43 @@ genu_status genu_pair_fields(const genu_pair* pair, const genu_workspace* worksp
     }
     if (count) *count = needed;
     return GENU_OK;
+  });
+}
+
+// ---- Error estimate ----
+
+void genu_error_estimate_init(genu_error_estimate* estimate, size_t size) { initStruct(estimate, size); }
+
+genu_status genu_estimate_error(const genu_pair* pair, genu_workspace* workspace, genu_companion companion,
+                                genu_error_estimate* estimate, genu_load_error* compartments, int num_compartments) {
+  return guard([&] {
+    require(pair && workspace && estimate, "error estimate: pair, workspace and estimate must not be NULL");
+    require(workspace->pair == pair->pair, "error estimate: the workspace belongs to another pair");
+    require(workspace->evaluated, "error estimate: the workspace holds no evaluation");
+    require(companion == GENU_COMPANION_FINE || companion == GENU_COMPANION_COARSE, "error estimate: unknown companion");
+    const int expected = pair->pair->numCompartments();
+    if (compartments && num_compartments != expected) {
+      throw std::invalid_argument("error estimate: num_compartments = " + std::to_string(num_compartments) + " must be " +
+                                  std::to_string(expected));
+    }
+    genu_error_estimate made = readStruct(estimate, "genu_error_estimate");
+    const bool isCoarse = companion == GENU_COMPANION_COARSE;
+    std::unique_ptr<gc::ErrorEstimator>& estimator = workspace->estimators[isCoarse];
+    if (!estimator) {
+      estimator = std::make_unique<gc::ErrorEstimator>(*pair->pair, isCoarse ? gc::Companion::coarse : gc::Companion::fine);
+    }
+    gc::ContactErrorEstimate& e = workspace->estimate;
+    estimator->evaluate(workspace->workspace, e);
+    const auto copy = [](const gc::LoadError& from) {
+      return genu_load_error{from.force_N, from.moment_Nm, from.peakPressure_Pa, from.meanPressure_Pa, from.area_m2};
+    };
+    made.total = copy(e.total);
+    made.companion_elements = e.companionElements;
+    const size_t size = estimate->struct_size;
+    std::memcpy(estimate, &made, std::min(size, sizeof made));
+    estimate->struct_size = size;
+    for (int k = 0; compartments && k < expected; ++k) compartments[k] = copy(e.compartments[static_cast<size_t>(k)]);
+    return toStatus(e.companionStatus);
   });
 }
 

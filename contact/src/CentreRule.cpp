@@ -128,7 +128,8 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
       for (size_t head = 0; head < memory.queue.size(); ++head) {
         const int e = memory.queue[head];
         if (!test(e, locate(e))) continue;
-        const int ix = c.cell[static_cast<size_t>(e)] / c.nz, iz = c.cell[static_cast<size_t>(e)] % c.nz;
+        const auto [level, ix, iz] = c.cell[static_cast<size_t>(e)];
+        if (level > 0) continue;  // the guard below tests what is reached from finer cells only
         for (int jx = std::max(ix - 1, 0); jx <= std::min(ix + 1, c.nx - 1); ++jx) {
           for (int jz = std::max(iz - 1, 0); jz <= std::min(iz + 1, c.nz - 1); ++jz) {
             const int next = c.element[static_cast<size_t>(jx * c.nz + jz)];

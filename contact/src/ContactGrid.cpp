@@ -1,5 +1,9 @@
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <unordered_map>
+#include <unordered_set>
 
 #include "detail/ContactPairImpl.h"
 
@@ -7,7 +11,58 @@ namespace genu::contact {
 
 using namespace detail;
 
-void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
+namespace {
+
+std::uint64_t keyOf(const GridCell& c) {  // ix and iz from -1 to 10000 * 2^kMaxGridLevel
+  return (static_cast<std::uint64_t>(c.level) << 56) | (static_cast<std::uint64_t>(c.ix + 1) << 28) | static_cast<std::uint64_t>(c.iz + 1);
+}
+
+/** The refined cells, checked. */
+std::unordered_set<std::uint64_t> collectRefined(const CompartmentDefinition& c) {
+  std::unordered_set<std::uint64_t> refined;
+  for (const GridCell& cell : c.refined) {
+    if (cell.level < 0 || cell.level >= kMaxGridLevel || cell.ix < 0 || cell.iz < 0 || cell.ix >= c.nx << cell.level ||
+        cell.iz >= c.nz << cell.level) {
+      fail("compartment ", c.name, ": refined cell (level ", cell.level, ", ix ", cell.ix, ", iz ", cell.iz,
+           ") is not in the grid; allowed: levels 0 to ", kMaxGridLevel - 1, ", ix and iz within ", c.nx, "x", c.nz,
+           " cells times 2^level");
+    }
+    refined.insert(keyOf(cell));
+  }
+  for (const GridCell& cell : c.refined) {
+    if (cell.level > 0 && refined.count(keyOf({cell.level - 1, cell.ix / 2, cell.iz / 2})) == 0) {
+      fail("compartment ", c.name, ": refined cell (level ", cell.level, ", ix ", cell.ix, ", iz ", cell.iz,
+           ") does not exist, because its parent (level ", cell.level - 1, ", ix ", cell.ix / 2, ", iz ", cell.iz / 2,
+           ") is not refined; add the parent to the list");
+    }
+  }
+  return refined;
+}
+
+template <class Visit>
+void visitLeaves(const std::unordered_set<std::uint64_t>& refined, const GridCell& cell, const Visit& visit) {
+  if (refined.empty() || refined.count(keyOf(cell)) == 0) {
+    visit(cell);
+    return;
+  }
+  for (int i = 0; i < 2; ++i) {
+    for (int k = 0; k < 2; ++k) visitLeaves(refined, GridCell{cell.level + 1, 2 * cell.ix + i, 2 * cell.iz + k}, visit);
+  }
+}
+
+}  // namespace
+
+std::vector<GridCell> detail::findLeaves(const CompartmentDefinition& c) {
+  const auto refined = collectRefined(c);
+  std::vector<GridCell> leaves;
+  leaves.reserve(static_cast<size_t>(c.nx * c.nz) + 3 * refined.size());
+  for (int ix = 0; ix < c.nx; ++ix) {
+    for (int iz = 0; iz < c.nz; ++iz) visitLeaves(refined, GridCell{0, ix, iz}, [&](const GridCell& cell) { leaves.push_back(cell); });
+  }
+  return leaves;
+}
+
+void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c, const Compartment* known) {
   if (!c.fixedSurface) fail("compartment ", c.name, ": the fixed surface is missing");
   if (!c.movingSurface) fail("compartment ", c.name, ": the moving surface is missing");
   if (!(c.x1_m > c.x0_m) || !(c.z1_m > c.z0_m)) {
@@ -17,6 +72,10 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
   if (c.nx < 1 || c.nz < 1 || c.nx > 10000 || c.nz > 10000) {
     fail("compartment ", c.name, ": grid ", c.nx, "x", c.nz, " is not allowed; allowed: 1 to 10000 each way");
   }
+  if (!c.refined.empty() && definition.tracking == Tracking::breadthFirstUnguarded) {
+    fail("compartment ", c.name, ": has refined cells, and the unguarded breadth-first search cannot follow contact from one level "
+         "of cells to another; choose another tracking");
+  }
   Compartment out;
   GridReport report;
   out.name = report.name = c.name;
@@ -24,8 +83,9 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
   out.nz = c.nz;
   out.moving = c.movingSurface.get();
   if (definition.rule == ContactRule::smooth) out.predictor = std::make_unique<DistancePredictor>(*c.movingSurface);
-  report.cells = c.nx * c.nz;
-  out.element.assign(static_cast<size_t>(report.cells), -1);
+  const std::vector<GridCell> leaves = findLeaves(c);
+  report.cells = static_cast<int>(leaves.size());
+  out.element.assign(static_cast<size_t>(c.nx * c.nz), -1);
   const double dx = (c.x1_m - c.x0_m) / c.nx, dz = (c.z1_m - c.z0_m) / c.nz;
   out.cellSize_m = std::sqrt(dx * dz);
   const Eigen::AlignedBox3d box = c.fixedSurface->boundingBox();
@@ -35,64 +95,101 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
   std::vector<LineHit> backHits;
   double sumThickness = 0;
   report.minThickness_m = std::numeric_limits<double>::infinity();
-  struct Outside {  // nodes of the ring around the rectangle
-    int ix, iz;
+
+  struct Node {
+    bool exists = false;
     Vec3 point, normal;
-    double area, h;
+    double area = 0, h = 0;
+    ThicknessNote note = ThicknessNote::measured;
   };
-  std::vector<Outside> outside;
-  for (int ix = -1; ix <= c.nx; ++ix) {
-    for (int iz = -1; iz <= c.nz; ++iz) {
-      const bool inside = ix >= 0 && ix < c.nx && iz >= 0 && iz < c.nz;
-      const double x = c.x0_m + (ix + 0.5) * dx, z = c.z0_m + (iz + 0.5) * dz;
-      c.fixedSurface->findLineHits(Vec3(x, bottom, z), Vec3::UnitY(), 0, top - bottom, hits);
-      const LineHit* highest = nullptr;
-      bool anyUp = false;
-      for (const LineHit& hit : hits) {
-        if (!(hit.normal.y() > 0)) continue;
-        anyUp = true;
-        if (definition.planeY_m && !(hit.point.y() > *definition.planeY_m)) continue;
-        highest = &hit;  // hits are sorted upwards
-      }
-      if (highest == nullptr) {
-        if (inside) ++(hits.empty() ? report.missedSurface : anyUp ? report.belowPlane : report.downwardOnly);
-        continue;
-      }
-      Vec3 point = highest->point;
-      if (const auto* plane = std::get_if<HeightAbovePlane>(&definition.fixedThickness.source)) {
-        if (!(point.y() > plane->planeY_m)) {
-          if (!inside) continue;
-          fail("compartment ", c.name, ": the fixed surface lies at y = ", point.y(), " m (x = ", x, " m, z = ", z,
-               " m), not above the plane y = ", plane->planeY_m, " m from which its thickness is measured: the thickness "
-               "would be negative; lower the plane");
-        }
-      }
-      double h = measureThickness(definition.fixedThickness, point, highest->normal, backHits);
-      if (std::isnan(h)) {
-        if (inside) ++report.missedBack;
-        if (!definition.fixedThickness.missing_m) continue;
-        h = *definition.fixedThickness.missing_m;
-      } else if (!std::holds_alternative<RigidBody>(definition.fixedThickness.source) &&
-                 clampThickness(definition.fixedThickness, h)) {
-        if (inside) ++report.clamped;
-      }
-      const double area = dx * dz / highest->normal.y();
-      if (!inside) {
-        outside.push_back({ix, iz, point, highest->normal, area, h});
-        continue;
-      }
-      const int cell = ix * c.nz + iz;
-      out.element[static_cast<size_t>(cell)] = static_cast<int>(out.numNodes());
-      out.cell.push_back(cell);
-      out.p_FA.push_back(point);
-      out.normal_F.push_back(highest->normal);
-      out.area_m2.push_back(area);
-      out.hF_m.push_back(h);
-      report.surfaceArea_m2 += out.area_m2.back();
-      report.minThickness_m = std::min(report.minThickness_m, h);
-      report.maxThickness_m = std::max(report.maxThickness_m, h);
-      sumThickness += h;
+  // Projects the centre (x, z) of a cell of sides sx and sz on the fixed surface. What goes wrong for an element is counted in
+  // the report; a node that only serves its neighbors (`isElement` false) is left out without a word.
+  const auto projectNode = [&](double x, double z, double sx, double sz, bool isElement) {
+    Node node;
+    c.fixedSurface->findLineHits(Vec3(x, bottom, z), Vec3::UnitY(), 0, top - bottom, hits);
+    const LineHit* highest = nullptr;
+    bool anyUp = false;
+    for (const LineHit& hit : hits) {
+      if (!(hit.normal.y() > 0)) continue;
+      anyUp = true;
+      if (definition.planeY_m && !(hit.point.y() > *definition.planeY_m)) continue;
+      highest = &hit;  // hits are sorted upwards
     }
+    if (highest == nullptr) {
+      if (isElement) ++(hits.empty() ? report.missedSurface : anyUp ? report.belowPlane : report.downwardOnly);
+      return node;
+    }
+    node.point = highest->point;
+    node.normal = highest->normal;
+    if (const auto* plane = std::get_if<HeightAbovePlane>(&definition.fixedThickness.source)) {
+      if (!(node.point.y() > plane->planeY_m)) {
+        if (!isElement) return node;
+        fail("compartment ", c.name, ": the fixed surface lies at y = ", node.point.y(), " m (x = ", x, " m, z = ", z,
+             " m), not above the plane y = ", plane->planeY_m, " m from which its thickness is measured: the thickness "
+             "would be negative; lower the plane");
+      }
+    }
+    node.h = measureThickness(definition.fixedThickness, node.point, node.normal, backHits);
+    if (std::isnan(node.h)) {
+      if (!definition.fixedThickness.missing_m) {
+        if (isElement) ++report.missedBack;
+        return node;
+      }
+      node.h = *definition.fixedThickness.missing_m;
+      node.note = ThicknessNote::missed;
+    } else if (!std::holds_alternative<RigidBody>(definition.fixedThickness.source) &&
+               clampThickness(definition.fixedThickness, node.h)) {
+      node.note = ThicknessNote::clamped;
+    }
+    node.area = sx * sz / node.normal.y();
+    node.exists = true;
+    return node;
+  };
+
+  // Nodes by cell: level 0 in an array (with its ring), finer ones in a map.
+  constexpr int kUnknown = -2;  // not looked for yet
+  std::vector<int> coarse(static_cast<size_t>((c.nx + 2) * (c.nz + 2)), kUnknown);
+  std::unordered_map<std::uint64_t, int> fine;
+  const auto nodeAt = [&](const GridCell& cell) -> int& {
+    if (cell.level == 0) return coarse[static_cast<size_t>((cell.ix + 1) * (c.nz + 2) + cell.iz + 1)];
+    return fine.try_emplace(keyOf(cell), kUnknown).first->second;
+  };
+  std::unordered_map<std::uint64_t, int> knownAt;
+  if (known) {
+    for (size_t k = 0; k < known->numNodes(); ++k) knownAt.emplace(keyOf(known->cell[k]), static_cast<int>(k));
+  }
+  const auto addNode = [&](const GridCell& cell, bool isElement) {
+    int& index = nodeAt(cell);
+    const double side = std::ldexp(1.0, -cell.level);
+    Node node;
+    const auto it = knownAt.find(keyOf(cell));
+    if (it != knownAt.end()) {
+      const auto k = static_cast<size_t>(it->second);
+      node = {true, known->p_FA[k], known->normal_F[k], known->area_m2[k], known->hF_m[k], known->note[k]};
+    } else {
+      node = projectNode(c.x0_m + (cell.ix + 0.5) * dx * side, c.z0_m + (cell.iz + 0.5) * dz * side, dx * side, dz * side, isElement);
+    }
+    index = node.exists ? static_cast<int>(out.numNodes()) : -1;
+    if (!node.exists) return;
+    out.cell.push_back(cell);
+    out.p_FA.push_back(node.point);
+    out.normal_F.push_back(node.normal);
+    out.area_m2.push_back(node.area);
+    out.hF_m.push_back(node.h);
+    out.note.push_back(node.note);
+  };
+
+  for (const GridCell& cell : leaves) {
+    const size_t before = out.numNodes();
+    addNode(cell, true);
+    if (out.numNodes() == before) continue;
+    if (cell.level == 0) out.element[static_cast<size_t>(cell.ix * c.nz + cell.iz)] = static_cast<int>(before);
+    report.surfaceArea_m2 += out.area_m2.back();
+    report.minThickness_m = std::min(report.minThickness_m, out.hF_m.back());
+    report.maxThickness_m = std::max(report.maxThickness_m, out.hF_m.back());
+    sumThickness += out.hF_m.back();
+    report.missedBack += out.note.back() == ThicknessNote::missed;
+    report.clamped += out.note.back() == ThicknessNote::clamped;
   }
   report.elements = out.elements = static_cast<int>(out.numNodes());
   if (out.elements == 0) {
@@ -112,21 +209,28 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
     fail("compartment ", c.name, ": no overlap between the grid, x ", c.x0_m, " .. ", c.x1_m, " m, z ", c.z0_m, " .. ", c.z1_m,
          " m, and the fixed surface, x ", lo.x(), " .. ", hi.x(), " m, z ", lo.z(), " .. ", hi.z(), " m");
   }
-  // Nodes of the ring follow; then every element learns its neighbors.
-  std::vector<int> node(static_cast<size_t>((c.nx + 2) * (c.nz + 2)), -1);
-  const auto nodeAt = [&](int ix, int iz) -> int& { return node[static_cast<size_t>((ix + 1) * (c.nz + 2) + iz + 1)]; };
-  for (int e = 0; e < out.elements; ++e) nodeAt(out.cell[static_cast<size_t>(e)] / c.nz, out.cell[static_cast<size_t>(e)] % c.nz) = e;
-  for (const Outside& o : outside) {
-    nodeAt(o.ix, o.iz) = static_cast<int>(out.numNodes());
-    out.p_FA.push_back(o.point);
-    out.normal_F.push_back(o.normal);
-    out.area_m2.push_back(o.area);
-    out.hF_m.push_back(o.h);
-  }
+  // Then every element gets the nodes around it, at its own spacing; those that are no elements follow in order of level and place.
+  std::vector<GridCell> missing;
+  constexpr int kAround[9][2] = {{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}};
   for (int e = 0; e < out.elements; ++e) {
-    const int ix = out.cell[static_cast<size_t>(e)] / c.nz, iz = out.cell[static_cast<size_t>(e)] % c.nz;
-    out.stencil.push_back({e, nodeAt(ix + 1, iz), nodeAt(ix - 1, iz), nodeAt(ix, iz + 1), nodeAt(ix, iz - 1), nodeAt(ix + 1, iz + 1),
-                           nodeAt(ix - 1, iz + 1), nodeAt(ix + 1, iz - 1), nodeAt(ix - 1, iz - 1)});
+    const GridCell& at = out.cell[static_cast<size_t>(e)];
+    for (const auto& step : kAround) {
+      const GridCell cell{at.level, at.ix + step[0], at.iz + step[1]};
+      int& index = nodeAt(cell);
+      if (index != kUnknown) continue;
+      index = -1;  // asked for
+      missing.push_back(cell);
+    }
+  }
+  std::sort(missing.begin(), missing.end(), [](const GridCell& a, const GridCell& b) {
+    return a.level != b.level ? a.level < b.level : a.ix != b.ix ? a.ix < b.ix : a.iz < b.iz;
+  });
+  for (const GridCell& cell : missing) addNode(cell, false);
+  for (int e = 0; e < out.elements; ++e) {
+    const GridCell at = out.cell[static_cast<size_t>(e)];
+    std::array<int, 9> stencil{};
+    for (size_t k = 0; k < 9; ++k) stencil[k] = nodeAt({at.level, at.ix + kAround[k][0], at.iz + kAround[k][1]});
+    out.stencil.push_back(stencil);
   }
   Eigen::AlignedBox3d nodes;
   for (const Vec3& p : out.p_FA) nodes.extend(p);

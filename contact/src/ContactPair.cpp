@@ -109,7 +109,9 @@ void ContactWorkspace::reset() {
   }
 }
 
-ContactPair::ContactPair(ContactPairDefinition definition) {
+ContactPair::ContactPair(ContactPairDefinition definition) : ContactPair(std::move(definition), nullptr) {}
+
+ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
   if (definition.compartments.empty()) fail("contact pair: has no compartment; at least one is needed");
   definition.material.validate();
   if (definition.movingMaterial) definition.movingMaterial->validate();
@@ -135,8 +137,10 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
   }
   impl_ = std::make_unique<Impl>(std::move(definition));
   Impl& m = *impl_;
-  for (const CompartmentDefinition& c : m.definition.compartments) m.buildCompartment(c);
-  for (Compartment& c : m.compartments) Impl::packCompartment(c);
+  for (size_t k = 0; k < m.definition.compartments.size(); ++k) {
+    m.buildCompartment(m.definition.compartments[k], known ? &known->compartments[k] : nullptr);
+    Impl::packCompartment(m.compartments[k]);
+  }
 
   const Thickness& moving = m.definition.movingThickness;
   if (const auto* constant = std::get_if<ConstantThickness>(&moving.source)) {
@@ -157,14 +161,20 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
     if (moving.mapSamplesU < 2 || moving.mapSamplesV < 2) {
       fail("thickness of the moving body: map of ", moving.mapSamplesU, "x", moving.mapSamplesV, " samples; needed: at least 2x2");
     }
+    if (known) {
+      m.maps = known->maps;
+      m.mapReports = known->mapReports;
+    }
     std::vector<const ContactSurface*> done;  // compartments that share a surface share its map
     for (Compartment& c : m.compartments) {
       const auto it = std::find(done.begin(), done.end(), c.moving);
       const size_t index = static_cast<size_t>(it - done.begin());
       if (it == done.end()) {
         done.push_back(c.moving);
-        m.mapReports.emplace_back();
-        m.maps.push_back(std::make_unique<ThicknessMap>(*c.moving, moving, m.mapReports.back()));
+        if (!known) {
+          m.mapReports.emplace_back();
+          m.maps.push_back(std::make_shared<const ThicknessMap>(*c.moving, moving, m.mapReports.back()));
+        }
       }
       c.map = m.maps[index].get();
     }
@@ -173,6 +183,16 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
 
 ContactPair::~ContactPair() = default;
 ContactPair::ContactPair(ContactPair&&) noexcept = default;
+ContactPair& ContactPair::operator=(ContactPair&&) noexcept = default;
+
+ContactPair ContactPair::withRefinedCells(std::vector<std::vector<GridCell>> refined) const {
+  if (refined.size() != impl_->compartments.size()) {
+    fail("contact pair: refined cells for ", refined.size(), " compartments, but it has ", impl_->compartments.size());
+  }
+  ContactPairDefinition d = impl_->definition;
+  for (size_t k = 0; k < refined.size(); ++k) d.compartments[k].refined = std::move(refined[k]);
+  return ContactPair(std::move(d), impl_.get());
+}
 
 const ContactPairDefinition& ContactPair::definition() const { return impl_->definition; }
 int ContactPair::numCompartments() const { return static_cast<int>(impl_->compartments.size()); }
@@ -364,14 +384,16 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
   const ContactWorkspace::Impl& w = *workspace.impl_;
   std::vector<std::vector<ElementField>> fields(impl_->compartments.size());
   const bool smooth = impl_->definition.rule == ContactRule::smooth;
+  std::vector<Active> active;
   for (size_t k = 0; k < fields.size(); ++k) {
     const Compartment& c = impl_->compartments[k];
     const CompartmentMemory& m = w.compartments[k];
     fields[k].resize(c.size());
     for (size_t i = 0; i < c.size(); ++i) {
       ElementField& f = fields[k][i];
-      f.ix = c.cell[i] / c.nz;
-      f.iz = c.cell[i] % c.nz;
+      f.ix = c.cell[i].ix;
+      f.iz = c.cell[i].iz;
+      f.level = c.cell[i].level;
       f.p_FA = c.p_FA[i];
       f.normal_F = c.normal_F[i];
       f.area_m2 = c.area_m2[i];
@@ -382,16 +404,13 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       const double distance = smooth ? m.feet[i].distance_m : m.distance_m[i];
       f.distance_m = moved == 0 ? distance : distance - moved;
     }
-    if (smooth) {
-      impl_->calcSmoothFields(c, m, fields[k]);
-      continue;
-    }
-    for (const Active& a : m.active) {
+    impl_->findActive(c, m, active);
+    for (const Active& a : active) {
       ElementField& f = fields[k][static_cast<size_t>(a.element)];
       f.d_m = a.d_m;
       f.h_m = a.h_m;
       f.p_Pa = a.p_Pa;
-      f.contactShare = 1;
+      f.contactShare = a.share;
       f.force_N = a.force_N;
       f.forceDirection_F = a.direction_F;
       f.active = true;

@@ -619,31 +619,35 @@ void ContactPair::Impl::evaluateSmooth(std::vector<CompartmentMemory>& memory, E
   }
 }
 
-void ContactPair::Impl::calcSmoothFields(const Compartment& c, const CompartmentMemory& memory, std::vector<ElementField>& fields) const {
+void ContactPair::Impl::findActive(const Compartment& c, const CompartmentMemory& memory, std::vector<Active>& active) const {
+  if (definition.rule != ContactRule::smooth) {
+    active = memory.active;
+    return;
+  }
+  active.clear();
   const CellLaw cellLaw(*this, c, memory);
   for (size_t i = 0; i < memory.tasks.size(); ++i) {
     const double* cell = memory.cells.data() + i * static_cast<size_t>(memory.cellStride);
     if (!(cell[3] > 0)) continue;
-    const int element = memory.tasks[i].element;
-    const auto k = static_cast<size_t>(element);
-    ElementField& out = fields[k];
+    Active a;
+    a.element = memory.tasks[i].element;
+    const auto k = static_cast<size_t>(a.element);
     const NodeField& f = memory.field[k];
     double area = 0;
     for (size_t n = 0; n < 5; ++n) {
       const int node = c.stencil[k][n];
       if (node < 0 || (cell[4 * n] == 0 && cell[4 * n + 1] == 0)) continue;
       const double* load = memory.load.data() + kLoadStride * node;
-      out.force_N += cell[4 * n] * load[6];
+      a.force_N += cell[4 * n] * load[6];
       area += cell[4 * n + 1] * load[11];
     }
-    out.contactShare = area / c.area_m2[k];
-    out.h_m = f.h_m;
-    out.forceDirection_F = Vec3(f.m[0], f.m[1], f.m[2]);
-    out.active = true;
-    if (memory.s[k] > 0) {
-      out.d_m = memory.s[k] * f.c;
-      out.p_Pa = cellLaw.calcPressure(element, memory.s[k] * memory.r[k]) * f.factor;
-    }
+    a.share = area / c.area_m2[k];
+    a.h_m = f.h_m;
+    a.hM_m = f.hM_m;
+    a.direction_F = Vec3(f.m[0], f.m[1], f.m[2]);
+    a.d_m = std::max(0.0, memory.s[k] * f.c);
+    if (memory.s[k] > 0) a.p_Pa = cellLaw.calcPressure(a.element, memory.s[k] * memory.r[k]) * f.factor;
+    active.push_back(a);
   }
 }
 

@@ -9,7 +9,7 @@
 namespace genu::model {
 
 scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<contact::JointCoordinates>& q,
-                         const scene::Scene& scene, const scene::Progress& progress) {
+                         const scene::Scene& scene, const scene::Progress& progress, bool estimateErrors) {
   const auto wallStart = std::chrono::steady_clock::now();
   const double cpuStart = cpuTime_s();
   if (time_s.size() != q.size()) {
@@ -35,7 +35,11 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<co
 
   const auto pairs = scene::makeContactPairs(scene);
   std::vector<contact::ContactWorkspace> workspaces;
-  for (const auto& pair : pairs) workspaces.emplace_back(*pair);
+  std::vector<contact::ErrorEstimator> estimators;
+  for (const auto& pair : pairs) {
+    workspaces.emplace_back(*pair);
+    if (estimateErrors) estimators.emplace_back(*pair);
+  }
 
   scene::Trajectory result;
   result.statistics.name = "replay";
@@ -50,9 +54,11 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<co
     frame.q = q[i];
     frame.constraintForce.assign(6, 0.0);
     frame.contacts.resize(pairs.size());
+    frame.errors.resize(estimators.size());
     for (size_t k = 0; k < pairs.size(); ++k) {
       const contact::Pose X = frames.empty() ? contact::calcPose(q[i]) : frames[k].calcPose(q[i]);
       pairs[k]->evaluate(X, workspaces[k], {true}, frame.contacts[k]);
+      if (estimateErrors) estimators[k].evaluate(workspaces[k], frame.errors[k]);
       ++result.statistics.contactEvaluations;
       result.statistics.contactCopies += frame.contacts[k].copied ? 1 : 0;
       result.statistics.distanceQueries += frame.contacts[k].distanceQueries;

@@ -7,8 +7,10 @@
 #include <nlohmann/json.hpp>
 
 namespace genu::report {
+using contact::ContactErrorEstimate;
 using contact::ContactResult;
 using contact::EvaluationStatus;
+using contact::LoadError;
 using contact::NetLoad;
 using contact::Vec3;
 using nlohmann::ordered_json;
@@ -162,19 +164,63 @@ ordered_json toJson(const NetLoad& load, bool withVectors) {
   return json;
 }
 
-ordered_json toJson(const scene::Scene& scene, const std::vector<ContactResult>& results) {
+std::vector<LoadError> listErrors(const std::vector<ContactErrorEstimate>& errors) {
+  std::vector<LoadError> list;
+  for (const auto& pair : errors) list.insert(list.end(), pair.compartments.begin(), pair.compartments.end());
+  return list;
+}
+
+LoadError sumErrors(const std::vector<ContactResult>& results, const std::vector<ContactErrorEstimate>& errors) {
+  if (errors.size() == 1) return errors.front().total;
+  LoadError sum;
+  double highest = 0;
+  for (size_t k = 0; k < errors.size(); ++k) {
+    const LoadError& e = errors[k].total;
+    sum.force_N += e.force_N;
+    sum.moment_Nm += e.moment_Nm;
+    sum.area_m2 += e.area_m2;
+    // mean = sum of (mean of a pair times its area) / area
+    sum.meanPressure_Pa += e.meanPressure_Pa * results.at(k).total.area_m2;
+    if (results[k].total.peakPressure_Pa >= highest) {
+      highest = results[k].total.peakPressure_Pa;
+      sum.peakPressure_Pa = e.peakPressure_Pa;
+    }
+  }
+  const double area = sumLoads(results).area_m2;
+  sum.meanPressure_Pa = area > 0 ? sum.meanPressure_Pa / area : 0;
+  return sum;
+}
+
+ordered_json toJson(const LoadError& error) {
+  return {{"force_N", error.force_N},
+          {"moment_Nm", error.moment_Nm},
+          {"peak_pressure_Pa", error.peakPressure_Pa},
+          {"mean_pressure_Pa", error.meanPressure_Pa},
+          {"area_m2", error.area_m2}};
+}
+
+ordered_json toJson(const scene::Scene& scene, const std::vector<ContactResult>& results,
+                    const std::vector<ContactErrorEstimate>& errors) {
   const EvaluationStatus status = worstStatus(results);
   ordered_json json;
   json["status"] = contact::toString(status);
   json["status_text"] = describeStatus(scene, results);
   if (!hasNumbers(status)) return json;
   json["compartments"] = ordered_json::object();
-  for (const auto& [name, load] : listLoads(scene, results)) json["compartments"][name] = toJson(load);
+  const std::vector<LoadError> list = listErrors(errors);
+  size_t row = 0;
+  for (const auto& [name, load] : listLoads(scene, results)) {
+    json["compartments"][name] = toJson(load);
+    if (!list.empty()) json["compartments"][name]["error_estimate"] = toJson(list.at(row));
+    ++row;
+  }
   json["total"] = toJson(sumLoads(results), sharesFixedBody(scene));
+  if (!list.empty()) json["total"]["error_estimate"] = toJson(sumErrors(results, errors));
   return json;
 }
 
-std::string formatTable(const scene::Scene& scene, const std::vector<ContactResult>& results) {
+std::string formatTable(const scene::Scene& scene, const std::vector<ContactResult>& results,
+                        const std::vector<ContactErrorEstimate>& errors) {
   std::vector<NamedLoad> rows = listLoads(scene, results);
   const NetLoad total = sumLoads(results);
   const bool withTotal = rows.size() > 1 && sharesFixedBody(scene);
@@ -193,6 +239,15 @@ std::string formatTable(const scene::Scene& scene, const std::vector<ContactResu
                     load.meanPressure_Pa * 1e-6, load.area_m2 * 1e6, load.activeElements);
   }
   text += "force: sum of pressure times area; |force|, |torque|: of the resultant, torque about the fixed origin\n";
+  if (errors.empty()) return text;
+  std::vector<LoadError> list = listErrors(errors);
+  if (withTotal) list.push_back(sumErrors(results, errors));
+  text += "\nestimated errors of the grid (not of the model, nor of the surfaces)\n";
+  for (size_t k = 0; k < rows.size(); ++k) {
+    const LoadError& e = list.at(k);
+    text += fmt::format("{:<{}}  {:>9}  {:>9.2g}  {:>9.2g}  {:>9.2g}  {:>9.2g}  {:>9.2g}\n", rows[k].name, width, "",
+                        e.force_N, e.moment_Nm, e.peakPressure_Pa * 1e-6, e.meanPressure_Pa * 1e-6, e.area_m2 * 1e6);
+  }
   return text;
 }
 

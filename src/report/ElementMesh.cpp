@@ -7,6 +7,7 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <utility>
 
 #include "genu/scene/Scene.h"
@@ -22,38 +23,42 @@ namespace {
 /** Shared corners of one compartment: index of the point at grid corner (i, k), heights averaged over elements. */
 void appendCompartment(const CompartmentDefinition& compartment, const std::vector<ElementField>& elements,
                        VtkMesh& mesh) {
-  const int cornersZ = compartment.nz + 1;
-  const auto corner = [&](int i, int k) { return static_cast<size_t>(i) * cornersZ + k; };
-  const size_t numCorners = corner(compartment.nx, compartment.nz) + 1;
-  const double dx = (compartment.x1_m - compartment.x0_m) / compartment.nx;
-  const double dz = (compartment.z1_m - compartment.z0_m) / compartment.nz;
-  std::vector<double> height(numCorners, 0.0);
-  std::vector<int> count(numCorners, 0);
+  int finest = 0;
+  for (const auto& e : elements) finest = std::max(finest, e.level);
+  // Corners are counted in cells of the finest level, in order of x, then z.
+  struct Corner {
+    double height = 0;
+    int count = 0;
+    std::int32_t index = -1;
+  };
+  std::map<std::pair<int, int>, Corner> corners;
+  const auto place = [&](const ElementField& e, int i, int k) {
+    const int shift = finest - e.level;
+    return std::pair{(e.ix + i) << shift, (e.iz + k) << shift};
+  };
+  const double dx = (compartment.x1_m - compartment.x0_m) / compartment.nx / (1 << finest);
+  const double dz = (compartment.z1_m - compartment.z0_m) / compartment.nz / (1 << finest);
   for (const auto& e : elements) {
     for (int i = 0; i < 2; ++i) {
       for (int k = 0; k < 2; ++k) {
-        const double x = compartment.x0_m + (e.ix + i) * dx, z = compartment.z0_m + (e.iz + k) * dz;
-        const size_t at = corner(e.ix + i, e.iz + k);
-        height[at] +=
+        const auto at = place(e, i, k);
+        const double x = compartment.x0_m + at.first * dx, z = compartment.z0_m + at.second * dz;
+        Corner& corner = corners[at];
+        corner.height +=
             e.p_FA.y() - (e.normal_F.x() * (x - e.p_FA.x()) + e.normal_F.z() * (z - e.p_FA.z())) / e.normal_F.y();
-        ++count[at];
+        ++corner.count;
       }
     }
   }
-  std::vector<std::int32_t> index(numCorners, -1);
-  for (int i = 0; i <= compartment.nx; ++i) {
-    for (int k = 0; k <= compartment.nz; ++k) {
-      const size_t at = corner(i, k);
-      if (count[at] == 0) continue;
-      index[at] = static_cast<std::int32_t>(mesh.numPoints());
-      mesh.points.insert(mesh.points.end(),
-                         {compartment.x0_m + i * dx, height[at] / count[at], compartment.z0_m + k * dz});
-    }
+  for (auto& [at, corner] : corners) {
+    corner.index = static_cast<std::int32_t>(mesh.numPoints());
+    mesh.points.insert(mesh.points.end(), {compartment.x0_m + at.first * dx, corner.height / corner.count,
+                                           compartment.z0_m + at.second * dz});
   }
   for (const auto& e : elements) {
     // Counter-clockwise seen from +y: the face normal is the outward normal of the surface.
     for (const auto& [i, k] : {std::pair{0, 0}, {0, 1}, {1, 1}, {1, 0}}) {
-      mesh.connectivity.push_back(index[corner(e.ix + i, e.iz + k)]);
+      mesh.connectivity.push_back(corners.at(place(e, i, k)).index);
     }
   }
 }
@@ -91,6 +96,7 @@ void addCellData(const std::vector<std::vector<ElementField>>& fields, bool full
                                          [](const ElementField&, size_t c) { return static_cast<int>(c); }));
   data.push_back(makeArray<std::int32_t>("ix", 1, fields, [](const ElementField& e, size_t) { return e.ix; }));
   data.push_back(makeArray<std::int32_t>("iz", 1, fields, [](const ElementField& e, size_t) { return e.iz; }));
+  data.push_back(makeArray<std::int32_t>("level", 1, fields, [](const ElementField& e, size_t) { return e.level; }));
   if (!full) return;
   data.push_back(makeArray<Real>("center_m", 3, fields, [](const ElementField& e, size_t) -> Vec3 { return e.p_FA; }));
   data.push_back(
@@ -119,7 +125,7 @@ void writeElementCsv(const fs::path& file, const contact::ContactPairDefinition&
   temporary += ".part";
   std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
   out << "compartment,ix,iz,x_m,y_m,z_m,normal_x,normal_y,normal_z,area_m2,distance_m,penetration_m,thickness_m,"
-         "pressure_Pa,direction_x,direction_y,direction_z,contact,contact_share,force_N\n";
+         "pressure_Pa,direction_x,direction_y,direction_z,contact,contact_share,force_N,level\n";
   fmt::memory_buffer buffer;
   const auto flush = [&] {
     out.write(buffer.data(), static_cast<std::streamsize>(buffer.size()));
@@ -127,11 +133,11 @@ void writeElementCsv(const fs::path& file, const contact::ContactPairDefinition&
   };
   for (size_t c = 0; c < fields.size(); ++c) {
     for (const auto& e : fields[c]) {
-      fmt::format_to(std::back_inserter(buffer), "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
+      fmt::format_to(std::back_inserter(buffer), "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
                      definition.compartments.at(c).name, e.ix, e.iz, e.p_FA.x(), e.p_FA.y(), e.p_FA.z(), e.normal_F.x(),
                      e.normal_F.y(), e.normal_F.z(), e.area_m2, e.distance_m, e.d_m, e.h_m, e.p_Pa,
                      e.forceDirection_F.x(), e.forceDirection_F.y(), e.forceDirection_F.z(), e.active ? 1 : 0,
-                     e.contactShare, e.force_N);
+                     e.contactShare, e.force_N, e.level);
       if (buffer.size() > 60000) flush();
     }
   }

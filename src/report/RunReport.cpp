@@ -108,6 +108,15 @@ void writeContact(OutputFolder& out, const Scene& scene, const Trajectory& traje
     }
   }
   table.columns.emplace_back("status");
+  const bool withErrors = !trajectory.frames.front().errors.empty();
+  if (withErrors) {
+    for (const auto& name : names) {
+      for (const char* quantity : {"force_error_N", "moment_error_Nm", "peak_pressure_error_Pa", "mean_pressure_error_Pa",
+                                   "area_error_m2"}) {
+        table.columns.push_back(name + "." + quantity);
+      }
+    }
+  }
   table.data.resize(table.columns.size());
   for (const auto& frame : trajectory.frames) {
     size_t column = 0;
@@ -130,12 +139,20 @@ void writeContact(OutputFolder& out, const Scene& scene, const Trajectory& traje
       add(load.noThicknessElements);
     }
     add(static_cast<double>(worstStatus(frame.contacts)));
+    if (!withErrors) continue;
+    std::vector<contact::LoadError> errors = listErrors(frame.errors);
+    errors.push_back(sumErrors(frame.contacts, frame.errors));
+    for (const contact::LoadError& e : errors) {
+      for (const double value : {e.force_N, e.moment_Nm, e.peakPressure_Pa, e.meanPressure_Pa, e.area_m2}) add(value);
+    }
   }
-  io::writeSto(out.file("contact.sto"), scene.name + ", contact", table, false,
-               "Loads on the moving body in the fixed frame, moments about the fixed origin.\n"
-               "cop: center of pressure. max_strain: largest penetration over thickness. Elements that carry nothing:\n"
-               "boundary, behind the open border of the moving surface; no_thickness, its back surface is missed.\n"
-               "status: 0 ok, 1 extrapolated, 2 full penetration, 3 not converged.");
+  std::string remark =
+      "Loads on the moving body in the fixed frame, moments about the fixed origin.\n"
+      "cop: center of pressure. max_strain: largest penetration over thickness. Elements that carry nothing:\n"
+      "boundary, behind the open border of the moving surface; no_thickness, its back surface is missed.\n"
+      "status: 0 ok, 1 extrapolated, 2 full penetration, 3 not converged.";
+  if (withErrors) remark += "\n*_error_*: estimated error that the grid makes; of force and moment as vectors.";
+  io::writeSto(out.file("contact.sto"), scene.name + ", contact", table, false, remark);
 }
 
 // ---------------------------------------------------------------------------------------------------------------
@@ -293,7 +310,7 @@ ordered_json makeInstant(const Scene& scene, const Frame& frame) {
   ordered_json json;
   json["time_s"] = frame.time_s;
   json["pose"] = makePose(frame.q);
-  json["contact"] = toJson(scene, frame.contacts);
+  json["contact"] = toJson(scene, frame.contacts, frame.errors);
   return json;
 }
 
@@ -323,6 +340,34 @@ ordered_json makePeaks(const Scene& scene, const Trajectory& trajectory) {
         if (value > best) best = value, when = frame.time_s;
       }
       json[names[row]][quantity.name] = {{"value", best}, {"time_s", when}};
+    }
+  }
+  return json;
+}
+
+/** Largest estimated error over the run and when, for each compartment and in total. */
+ordered_json makeLargestErrors(const Scene& scene, const Trajectory& trajectory) {
+  struct Quantity {
+    const char* name;
+    double contact::LoadError::*value;
+  };
+  static constexpr std::array<Quantity, 5> kQuantities = {{{"force_N", &contact::LoadError::force_N},
+                                                           {"moment_Nm", &contact::LoadError::moment_Nm},
+                                                           {"peak_pressure_Pa", &contact::LoadError::peakPressure_Pa},
+                                                           {"mean_pressure_Pa", &contact::LoadError::meanPressure_Pa},
+                                                           {"area_m2", &contact::LoadError::area_m2}}};
+  std::vector<std::string> names = listCompartmentNames(scene);
+  names.emplace_back("total");
+  ordered_json json;
+  for (size_t row = 0; row < names.size(); ++row) {
+    for (const auto& quantity : kQuantities) {
+      double largest = -1, when = 0;
+      for (const auto& frame : trajectory.frames) {
+        const auto errors = listErrors(frame.errors);
+        const auto error = row < errors.size() ? errors[row] : sumErrors(frame.contacts, frame.errors);
+        if (error.*quantity.value > largest) largest = error.*quantity.value, when = frame.time_s;
+      }
+      json[names[row]][quantity.name] = {{"value", largest}, {"time_s", when}};
     }
   }
   return json;
@@ -542,6 +587,7 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   if (overTime) {
     json["at_maximum_load"] = makeInstant(scene, frame);
     json["peaks"] = makePeaks(scene, trajectory);
+    if (!frame.errors.empty()) json["largest_error_estimates"] = makeLargestErrors(scene, trajectory);
   } else {
     json["at_static_pose"] = makeInstant(scene, frame);
   }
@@ -554,7 +600,7 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   out.commit();
 
   output.table = overTime ? fmt::format("At maximum load, t = {:.4g} s:\n", frame.time_s) : "At the static pose:\n";
-  output.table += formatTable(scene, frame.contacts);
+  output.table += formatTable(scene, frame.contacts, frame.errors);
   return output;
 }
 

@@ -91,6 +91,29 @@ TEST_F(Contact, TableHasUnits) {
   for (const char* part : {"status: ok", "MPa", "mm^2", "N m", "all"}) EXPECT_THAT(outcome.out, HasSubstr(part));
 }
 
+TEST_F(Contact, ErrorIsEstimatedOnRequestAndAdaptiveGridsMeetIt) {
+  const Outcome plain = run({"contact", "ball.yaml", "--pose", kPose, "--grid", "12x12", "--json"});
+  EXPECT_FALSE(json::parse(plain.out).at("total").contains("error_estimate"));
+  const Outcome estimated = run({"contact", "ball.yaml", "--pose", kPose, "--grid", "12x12", "--json", "--error"});
+  ASSERT_EQ(estimated.exitCode, 0) << estimated.err;
+  const json total = json::parse(estimated.out).at("total");
+  const double exact = 1338.989824;  // closed form of this scene, docs/theory.md
+  const double force = total.at("force_on_moving_N").at(1), error = total.at("error_estimate").at("force_N");
+  EXPECT_LE(std::abs(force - exact), error);
+  const Outcome adaptive = run({"contact", "ball.yaml", "--pose", kPose, "--grid", "12x12", "--json", "--adaptive", "1e-6", "--field", "f.csv"});
+  ASSERT_EQ(adaptive.exitCode, 0) << adaptive.err;
+  const json better = json::parse(adaptive.out);
+  EXPECT_LE(better.at("total").at("error_estimate").at("force_N").get<double>(), 1e-6 * exact);
+  EXPECT_NEAR(better.at("total").at("force_on_moving_N").at(1).get<double>() / exact, 1, 1e-6);
+  std::ifstream in(folder_ / "f.csv");
+  EXPECT_EQ(std::count(std::istreambuf_iterator<char>(in), {}, '\n'), better.at("grid").at("all").at("elements").get<int>() + 1);
+  EXPECT_GT(better.at("grid").at("all").at("elements").get<int>(), 144);
+  EXPECT_THAT(run({"contact", "ball.yaml", "--pose", kPose, "--grid", "12x12", "--adaptive", "1e-6"}).out, HasSubstr("by level"));
+  const Outcome wrong = run({"contact", "ball.yaml", "--pose", kPose, "--adaptive", "3"});
+  EXPECT_EQ(wrong.exitCode, 2);
+  EXPECT_THAT(wrong.err, HasSubstr("allowed: 1e-12 to 1"));
+}
+
 TEST_F(Contact, SeveralPairsAreToldApart) {
   write("two.yaml", std::string(kBall) + R"(  second:
     fixed: {surface: layer, thickness: 6 mm}
@@ -144,6 +167,7 @@ TEST_F(Runs, GaitThenReplayOnAnotherGrid) {
   EXPECT_NEAR(force("same") / force("out"), 1, 1e-9);
   ASSERT_EQ(run({"replay", "out/", "--grid", "40x40", "--no-plots", "--no-maps"}).exitCode, 0);
   EXPECT_EQ(summary("out-replay-40x40").at("grid").at("medial").at("nx"), 40);
+  EXPECT_GT(summary("same").at("at_maximum_load").at("contact").at("total").at("error_estimate").at("force_N").get<double>(), 0);
   // About 48 active elements per compartment: whole cells are off by a few per cent.
   EXPECT_NEAR(force("out-replay-40x40") / force("out"), 1, 0.05);
   EXPECT_THAT(listFolder(), ElementsAre("out", "out-replay-40x40", "same"));

@@ -6,6 +6,7 @@
 
 #include "contact/Scenes.h"
 #include "contact/TestSurfaces.h"
+#include "genu/contact/ErrorEstimate.h"
 
 extern std::atomic<long> allocations;  // CountAllocations.cpp
 
@@ -29,10 +30,14 @@ void expectNoAllocation(Tracking tracking, ContactRule rule, DistanceMethod dist
   ContactResult result;
   const auto pose = [](int i) { return JointCoordinates{0.001 * i, 0, -0.01 * i, 0, 0.0405 - 0.0002 * (i % 7), 0}; };
   pair.evaluate(pose(0), workspace, {true}, result);  // sizes the result
+  ErrorEstimator estimator(pair);
+  ContactErrorEstimate estimate;
+  estimator.evaluate(workspace, estimate);  // builds the companion grid
   const long before = allocations;
   int active = 0;
   for (int i = 1; i < 30; ++i) {
     pair.evaluate(pose(i), workspace, {i % 2 == 0}, result);
+    estimator.evaluate(workspace, estimate);
     active += result.total.activeElements;
   }
   EXPECT_EQ(allocations - before, 0);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -566,6 +567,46 @@ TEST(CInterface, StatusSaysHowFarTheResultHolds) {
 }
 
 // The same pair through both interfaces: the same numbers, bit by bit.
+TEST(CInterface, ErrorEstimateOfTheLastEvaluation) {
+  SphereOnLayer scene;
+  for (genu_compartment& c : scene.compartments) c.nx = 6, c.nz = 12;
+  const Pair pair = scene.makePair();
+  const Workspace workspace = makeWorkspace(pair);
+  genu_error_estimate estimate;
+  genu_error_estimate_init(&estimate, sizeof estimate);
+  genu_load_error parts[2];
+  const auto estimateError = [&](genu_companion companion, int count = 2) {
+    return genu_estimate_error(pair.get(), workspace.get(), companion, &estimate, parts, count);
+  };
+  EXPECT_EQ(estimateError(GENU_COMPANION_FINE), GENU_BAD_ARGUMENT);
+  EXPECT_THAT(genu_last_error(), HasSubstr("no evaluation"));
+  genu_result result = makeResult();
+  ASSERT_EQ(genu_evaluate(pair.get(), workspace.get(), kPressed, nullptr, nullptr, &result, nullptr, 0), GENU_OK);
+  EXPECT_EQ(estimateError(GENU_COMPANION_FINE, 1), GENU_BAD_ARGUMENT);
+  EXPECT_EQ(estimateError(static_cast<genu_companion>(2)), GENU_BAD_ARGUMENT);
+  EXPECT_EQ(genu_estimate_error(pair.get(), workspace.get(), GENU_COMPANION_FINE, nullptr, nullptr, 0), GENU_BAD_ARGUMENT);
+  const double error = std::abs(result.total.force_on_moving[1] - 1338.989824), area = std::abs(result.total.area - 37.573448e-6);
+  for (const genu_companion companion : {GENU_COMPANION_FINE, GENU_COMPANION_COARSE}) {
+    ASSERT_EQ(estimateError(companion), GENU_OK) << genu_last_error();
+    EXPECT_EQ(estimate.companion_elements, companion == GENU_COMPANION_FINE ? 576 : 36);
+    EXPECT_GT(estimate.total.force, error);
+    EXPECT_GT(estimate.total.area, area);
+    EXPECT_LT(estimate.total.force, 0.02 * 1338.99);  // a few cells each way: some per cent at most
+    EXPECT_GT(parts[0].force, 0);
+    EXPECT_GT(parts[1].peak_pressure, 0);
+  }
+  // A caller with an older, shorter struct gets what fits.
+  genu_error_estimate shorter;
+  const size_t size = offsetof(genu_error_estimate, companion_elements);
+  std::memset(&shorter, 0xff, sizeof shorter);
+  genu_error_estimate_init(&shorter, size);
+  ASSERT_EQ(genu_estimate_error(pair.get(), workspace.get(), GENU_COMPANION_COARSE, &shorter, nullptr, 0), GENU_OK);
+  EXPECT_EQ(shorter.total.force, estimate.total.force);
+  EXPECT_EQ(shorter.companion_elements, -1);
+  const Pair other = scene.makePair();
+  EXPECT_EQ(genu_estimate_error(other.get(), workspace.get(), GENU_COMPANION_FINE, &estimate, nullptr, 0), GENU_BAD_ARGUMENT);
+}
+
 TEST(CInterface, EqualsTheCppInterface) {
   namespace gc = genu::contact;
   gc::ContactPairDefinition d;

@@ -234,6 +234,30 @@ TEST(GaitAnalysis, ReplayOnTheSameGridReturnsTheRunsContact) {
               0.03);
 }
 
+TEST(GaitAnalysis, ReplayEstimatesTheErrorsOfItsGridUnlessToldNotTo) {
+  scene::Scene coarse = sphereScene("");
+  coarse.model.reset();
+  scene::Scene fine = coarse;
+  for (contact::CompartmentDefinition& part : coarse.contacts[0].definition.compartments) part.nx = part.nz = 12;
+  for (contact::CompartmentDefinition& part : fine.contacts[0].definition.compartments) part.nx = part.nz = 120;
+  std::vector<double> time;
+  std::vector<contact::JointCoordinates> q;
+  for (int i = 0; i < 40; ++i) {
+    time.push_back(0.1 * i);
+    q.push_back({0, 0, 0, 2e-5 * i, 35.95e-3 - 5e-6 * i, 1e-5 * i});
+  }
+  const scene::Trajectory a = replay(time, q, coarse), b = replay(time, q, fine, {}, false);
+  int covered = 0;
+  for (size_t i = 0; i < q.size(); ++i) {
+    ASSERT_EQ(a.frames[i].errors.size(), a.frames[i].contacts.size());
+    EXPECT_TRUE(b.frames[i].errors.empty());
+    const double error = (a.frames[i].contacts[0].total.forceOnM_F - b.frames[i].contacts[0].total.forceOnM_F).norm();
+    EXPECT_GT(a.frames[i].errors[0].total.force_N, 0);
+    covered += error <= a.frames[i].errors[0].total.force_N;
+  }
+  EXPECT_GE(covered, 38);  // 95 %
+}
+
 TEST(GaitAnalysis, ReplayChecksItsInputAndStopsWhenAsked) {
   scene::Scene scene = sphereScene("");
   scene.model.reset();

@@ -114,6 +114,42 @@ TEST(ContactReport, TotalOfPairsOnDifferentBodiesHasNoVectors) {
   EXPECT_EQ(total.at("scalar_force_N"), 200);
 }
 
+contact::ContactErrorEstimate makeEstimate(double scale) {
+  contact::ContactErrorEstimate e;
+  e.total = {scale, 2 * scale, 3 * scale, 4 * scale, 5 * scale};
+  e.compartments.assign(2, e.total);
+  return e;
+}
+
+TEST(ContactReport, ErrorsOfPairsAddAndThePeakKeepsItsOwn) {
+  std::vector<ContactResult> results(2);
+  results[0].total = makeLoad(100, 1e-5, {0, 0, 0.02});  // 20 MPa
+  results[1].total = makeLoad(300, 2e-5, {0, 0, 0});     // 30 MPa: the peak
+  const contact::LoadError sum = sumErrors(results, {makeEstimate(1), makeEstimate(10)});
+  EXPECT_EQ(sum.force_N, 11);
+  EXPECT_EQ(sum.moment_Nm, 22);
+  EXPECT_EQ(sum.peakPressure_Pa, 30);
+  EXPECT_NEAR(sum.meanPressure_Pa, (4 * 1e-5 + 40 * 2e-5) / 3e-5, 1e-12);
+  EXPECT_EQ(sum.area_m2, 55);
+}
+
+TEST(ContactReport, ErrorsAreInJsonAndTableOnlyWhenEstimated) {
+  const scene::Scene scene = makeScene(1);
+  std::vector<ContactResult> results(1);
+  results[0].compartments.assign(2, makeLoad(50, 1e-5, {0, 0, 0.02}));
+  results[0].total = makeLoad(100, 2e-5, {0, 0, 0});
+  EXPECT_FALSE(toJson(scene, results).at("total").contains("error_estimate"));
+  EXPECT_THAT(formatTable(scene, results), ::testing::Not(HasSubstr("estimated")));
+  const auto json = toJson(scene, results, {makeEstimate(0.125)});
+  for (const auto& load : {json.at("total"), json.at("compartments").at("lateral")}) {
+    EXPECT_EQ(load.at("error_estimate").at("force_N"), 0.125);
+    EXPECT_EQ(load.at("error_estimate").at("moment_Nm"), 0.25);
+    EXPECT_EQ(load.at("error_estimate").at("area_m2"), 0.625);
+  }
+  const std::string table = formatTable(scene, results, {makeEstimate(0.125)});
+  for (const char* part : {"estimated errors of the grid", "0.12", "0.25"}) EXPECT_THAT(table, HasSubstr(part));
+}
+
 TEST(ContactReport, TableShowsUnitsAndTotal) {
   const scene::Scene scene = makeScene(1);
   std::vector<ContactResult> results(1);

@@ -92,6 +92,37 @@ contact:
   }
 }
 
+TEST(ElementMesh, CellsOfSeveralLevelsCoverTheRectangleOnce) {
+  auto d = scene::makeContactPairs(scene::parseScene(testing::kBallScene, "test.yaml")).front()->definition();
+  d.compartments[0].refined = {{0, 2, 3}, {1, 5, 6}, {0, 3, 3}};
+  const contact::ContactPair pair(d);
+  contact::ContactWorkspace workspace(pair);
+  contact::ContactResult result;
+  pair.evaluate(contact::JointCoordinates{0, 0, 0, 0, 0.0358, 0}, workspace, {}, result);
+  const auto fields = pair.calcFields(workspace);
+  const VtkMesh mesh = makeElementMesh(pair.definition(), fields, Precision::single);
+  ASSERT_EQ(mesh.numCells(), 400u + 9u);
+  // The layer is flat: projected and surface areas agree, cell by cell, and add up to both rectangles.
+  double sum = 0, expected = 0;
+  for (const auto& c : d.compartments) expected += (c.x1_m - c.x0_m) * (c.z1_m - c.z0_m);
+  size_t cell = 0;
+  for (const auto& compartment : fields) {
+    for (const auto& e : compartment) {
+      const auto at = [&](size_t k) {
+        const auto i = static_cast<size_t>(mesh.connectivity[4 * cell + k]);
+        return Vec3(mesh.points[3 * i], mesh.points[3 * i + 1], mesh.points[3 * i + 2]);
+      };
+      const double area = (at(1) - at(0)).cross(at(3) - at(0)).y();
+      EXPECT_NEAR(area / e.area_m2, 1, 1e-9);
+      const Vec3 middle = 0.25 * (at(0) + at(1) + at(2) + at(3));
+      EXPECT_LT((middle - e.p_FA).norm(), 1e-9);
+      sum += area;
+      ++cell;
+    }
+  }
+  EXPECT_NEAR(sum / expected, 1, 1e-9);
+}
+
 TEST(ElementMesh, TableHasOneLinePerElement) {
   const Evaluated e = evaluate(testing::kBallScene);
   const TemporaryFolder folder;

@@ -94,6 +94,26 @@ TEST_F(RunReportTest, TablesReadBack) {
   EXPECT_EQ(column("total.active_elements")[10], trajectory_.frames[10].contacts[0].total.activeElements);
 }
 
+TEST_F(RunReportTest, ErrorEstimatesAreColumnsAndSummary) {
+  info_.plots = info_.maps = false;
+  for (size_t i = 0; i < trajectory_.frames.size(); ++i) {
+    contact::ContactErrorEstimate e;
+    const double force = i == 7 ? 9.0 : 0.5;
+    e.compartments.assign(2, {force, 0.01, 1e4, 2e3, 1e-7});
+    e.total = {2 * force, 0.02, 1e4, 2e3, 2e-7};
+    trajectory_.frames[i].errors = {e};
+  }
+  const RunOutput output = writeRun(scene_, trajectory_, info_);
+  EXPECT_THAT(output.table, HasSubstr("estimated errors"));
+  const io::Table loads = io::readTable(folder_ / "out/contact.sto");
+  EXPECT_EQ(loads.data[static_cast<size_t>(loads.getColumn("medial.force_error_N", ""))][7], 9);
+  EXPECT_EQ(loads.data[static_cast<size_t>(loads.getColumn("total.area_error_m2", ""))][3], 2e-7);
+  const auto json = summary();
+  EXPECT_EQ(json.at("at_maximum_load").at("contact").at("total").at("error_estimate").at("force_N"), 1);
+  EXPECT_EQ(json.at("largest_error_estimates").at("total").at("force_N").at("value"), 18);
+  EXPECT_EQ(json.at("largest_error_estimates").at("total").at("force_N").at("time_s").get<double>(), trajectory_.frames[7].time_s);
+}
+
 TEST_F(RunReportTest, StoredRunComesBackFromTheFolderAlone) {
   info_.plots = info_.maps = false;
   info_.leftKnee = true;

@@ -24,8 +24,12 @@ using Numbers = std::vector<double>;
 /** How the moving body's layer is found for one foot. */
 enum class MovingLayer { none, constant, plane, map };
 
-/** Grid of one compartment. Nodes are the centres of its elements, then those of the cells around the rectangle and of cells
- without a layer: the smooth rule reads the surface there but integrates over elements only. */
+/** How a node's thickness was found. */
+enum class ThicknessNote : unsigned char { measured, clamped, missed };
+
+/** Grid of one compartment. Nodes are the centres of its elements, then the further ones that an element's stencil needs at its
+ own spacing (cells around the rectangle, cells of another level than their neighbor): the smooth rule reads the surface there
+ but integrates over elements only. */
 struct Compartment {
   std::string name;
   int nx = 0, nz = 0;
@@ -34,23 +38,28 @@ struct Compartment {
   const ThicknessMap* map = nullptr;
   std::unique_ptr<DistancePredictor> predictor;  // smooth rule
   int elements = 0;
-  std::vector<int> cell;     // ix * nz + iz of each element
-  std::vector<int> element;  // of each cell, -1 where there is none
+  std::vector<GridCell> cell;  // of each node
+  std::vector<int> element;    // of each cell of level 0, -1 where there is none
   std::vector<std::array<int, 9>> stencil;  // nodes around each element, order of CellRule.h; -1: none
   // Of each node:
   std::vector<Vec3> p_FA, normal_F;
   std::vector<double> area_m2, hF_m;
   Numbers place;  // the four above together, see CellKernel.h
   std::vector<unsigned char> neighbors;  // of each element, as a mask (CellRule.h)
+  std::vector<ThicknessNote> note;
   std::array<Vec3, 8> corner_F;  // box around all nodes
   size_t size() const { return static_cast<size_t>(elements); }
   size_t numNodes() const { return p_FA.size(); }
 };
 
-/** An element in contact during one evaluation, centre rule. */
+/** The cells of a grid, in the order of its elements (which are those that meet the surface). Checks `refined`. */
+std::vector<GridCell> findLeaves(const CompartmentDefinition& c);
+
+/** An element in contact during one evaluation. */
 struct Active {
   int element = -1;
   double d_m = 0, h_m = 0, hM_m = 0, p_Pa = 0;
+  double share = 1;       // of its area that is in contact
   double force_N = 0;     // int p dA
   Vec3 direction_F = Vec3::Zero();
 };
@@ -127,14 +136,15 @@ struct ContactPair::Impl : detail::PairData {
   std::vector<detail::Compartment> compartments;
   std::vector<GridReport> gridReports;
   std::vector<ThicknessMapReport> mapReports;
-  std::vector<std::unique_ptr<detail::ThicknessMap>> maps;
+  std::vector<std::shared_ptr<const detail::ThicknessMap>> maps;
 
   explicit Impl(ContactPairDefinition d);
 
-  void buildCompartment(const CompartmentDefinition& c);
   /** What the kernels read, from the arrays of a finished grid. */
   static void packCompartment(detail::Compartment& c);
   void sizeSmoothMemory(const detail::Compartment& c, detail::CompartmentMemory& memory) const;
+  /** Adds the grid of one compartment; nodes that `known`, a grid of the same surfaces and spacing, has are taken from it. */
+  void buildCompartment(const CompartmentDefinition& c, const detail::Compartment* known = nullptr);
 
   /** Whole elements, in contact or not by their centre [BF2004 §2.3]. */
   template <class Law>
@@ -142,7 +152,8 @@ struct ContactPair::Impl : detail::PairData {
                       NetLoad& load, int& queries) const;
   /** The smooth rule on all compartments. */
   void evaluateSmooth(std::vector<detail::CompartmentMemory>& memory, detail::EvaluationTask& task) const;
-  void calcSmoothFields(const detail::Compartment& c, const detail::CompartmentMemory& memory, std::vector<ElementField>& fields) const;
+  /** Elements in contact in the last evaluation, in their order. */
+  void findActive(const detail::Compartment& c, const detail::CompartmentMemory& memory, std::vector<detail::Active>& active) const;
 };
 
 struct ContactWorkspace::Impl {

@@ -38,11 +38,24 @@ struct Thickness {
   int mapSamplesU = 65, mapSamplesV = 65;  ///< (u, v) map of a moving body, per patch
 };
 
+/** A cell of a grid that is refined locally: level 0 are the nx by nz cells of the rectangle, each level halves the sides.
+ Cell (level, ix, iz) covers x0 + [ix, ix + 1] (x1 - x0) / (nx 2^level), the same in z. */
+struct GridCell {
+  int level = 0, ix = 0, iz = 0;
+  bool operator==(const GridCell& o) const { return level == o.level && ix == o.ix && iz == o.iz; }
+};
+constexpr int kMaxGridLevel = 12;
+
 /** One rectangular grid of elements on the plane y = planeY of F, projected along +y onto the fixed surface. */
 struct CompartmentDefinition {
   std::string name;
   double x0_m = 0, x1_m = 0, z0_m = 0, z1_m = 0;
   int nx = 30, nz = 30;
+  /** Cells that are split in four, in any order; one of level L > 0 needs its parent (L - 1, ix / 2, iz / 2) in the list, and
+   L < kMaxGridLevel. Empty: the plain grid. Every element is integrated over a stencil of its own level, so that levels may
+   differ by any number between neighbors; Tracking::breadthFirstUnguarded cannot cross from one level to another and is
+   refused. */
+  std::vector<GridCell> refined;
   std::shared_ptr<const ContactSurface> fixedSurface;   ///< in F
   std::shared_ptr<const ContactSurface> movingSurface;  ///< in M
 };
@@ -142,7 +155,8 @@ struct ContactResult {
 
 /** One element, for output. */
 struct ElementField {
-  int ix = 0, iz = 0;
+  int ix = 0, iz = 0;  ///< of the element's level
+  int level = 0;       ///< see GridCell
   Vec3 p_FA = Vec3::Zero(), normal_F = Vec3::Zero();
   double area_m2 = 0;     ///< of the whole element
   double contactShare = 0;  ///< of that area, 0 .. 1
@@ -159,7 +173,7 @@ struct ElementField {
 /** What the grid construction found, per compartment. */
 struct GridReport {
   std::string name;
-  int cells = 0;               ///< nx * nz
+  int cells = 0;               ///< nx * nz, plus three for every refined cell
   int elements = 0;            ///< cells that became elements
   int missedSurface = 0;       ///< the cell's vertical misses the fixed surface
   int belowPlane = 0;          ///< it meets it only at or below the element plane
@@ -196,6 +210,7 @@ class ContactWorkspace {
 
  private:
   friend class ContactPair;
+  friend class ErrorEstimator;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
@@ -217,6 +232,11 @@ class ContactPair {
   explicit ContactPair(ContactPairDefinition definition);
   ~ContactPair();
   ContactPair(ContactPair&&) noexcept;
+  ContactPair& operator=(ContactPair&&) noexcept;
+  /** The same pair on another refinement of its grids (CompartmentDefinition::refined of each compartment): nodes that both have
+   and the thickness maps are taken over, not found anew.
+   @throws std::invalid_argument as the constructor */
+  ContactPair withRefinedCells(std::vector<std::vector<GridCell>> refined) const;
 
   const ContactPairDefinition& definition() const;
   int numCompartments() const;
@@ -251,7 +271,9 @@ class ContactPair {
 
  private:
   friend class ContactWorkspace;
+  friend class ErrorEstimator;
   struct Impl;
+  ContactPair(ContactPairDefinition definition, const Impl* known);
   std::unique_ptr<Impl> impl_;
 };
 

@@ -302,6 +302,40 @@ typedef struct genu_element {
 GENU_API genu_status genu_pair_fields(const genu_pair* pair, const genu_workspace* workspace, int compartment,
                                       genu_element* elements, size_t capacity, size_t* count);
 
+/* ---- Error estimate ---- */
+
+/* Second grid that an evaluation is compared with. */
+typedef enum genu_companion {
+  GENU_COMPANION_FINE = 0,  /* every cell split in four: about three times the cost of the evaluation */
+  GENU_COMPANION_COARSE = 1 /* half as many cells each way: about a third of the cost; less sharp */
+} genu_companion;
+
+/* Estimated absolute errors that the grid makes, not a bound; how often the true error is larger: docs/theory.md. The errors of
+   the model, of the material and of the surfaces are not covered. */
+typedef struct genu_load_error {
+  double force;         /* of the vector [N] */
+  double moment;        /* of the vector about F's origin [N m] */
+  double peak_pressure; /* [Pa] */
+  double mean_pressure; /* [Pa] */
+  double area;          /* [m^2] */
+} genu_load_error;
+
+typedef struct genu_error_estimate {
+  size_t struct_size; /* sizeof(genu_error_estimate) of the caller */
+  genu_load_error total;
+  int companion_elements;
+} genu_error_estimate;
+
+/* As genu_pair_options_init. */
+GENU_API void genu_error_estimate_init(genu_error_estimate* estimate, size_t size);
+
+/* Errors of the workspace's last evaluation, which must exist. compartments: NULL, or room for num_compartments errors, which
+   must be the pair's number. The first call for a companion builds its grid and allocates. The status is the evaluation's on
+   the companion grid; where that or the evaluation's own is GENU_FULL_PENETRATION or GENU_NOT_CONVERGED the estimate has no
+   meaning. */
+GENU_API genu_status genu_estimate_error(const genu_pair* pair, genu_workspace* workspace, genu_companion companion,
+                                         genu_error_estimate* estimate, genu_load_error* compartments, int num_compartments);
+
 #ifdef __cplusplus
 }
 #endif

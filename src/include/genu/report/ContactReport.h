@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "genu/contact/ContactPair.h"
+#include "genu/contact/ErrorEstimate.h"
 #include "genu/scene/Scene.h"
 
 namespace genu::report {
@@ -43,10 +44,25 @@ bool hasNumbers(contact::EvaluationStatus status);
  needs a common frame. */
 nlohmann::ordered_json toJson(const contact::NetLoad& load, bool withVectors = true);
 
-/** {status, status_text, compartments: {name: ...}, total}; only the first two when there are no numbers. */
-nlohmann::ordered_json toJson(const scene::Scene& scene, const std::vector<contact::ContactResult>& results);
+/** Estimated errors (ErrorEstimate.h) of all compartments, in the order of listCompartmentNames(); none when `errors` is
+ empty. */
+std::vector<contact::LoadError> listErrors(const std::vector<contact::ContactErrorEstimate>& errors);
 
-/** Table as the paper's Table 4: force, torque, peak, mean, area per compartment and in total, with units. */
-std::string formatTable(const scene::Scene& scene, const std::vector<contact::ContactResult>& results);
+/** Error of sumLoads(): those of several pairs add; the peak's is that of the pair that has it. */
+contact::LoadError sumErrors(const std::vector<contact::ContactResult>& results,
+                             const std::vector<contact::ContactErrorEstimate>& errors);
+
+/** Keys: force_N, moment_Nm, peak_pressure_Pa, mean_pressure_Pa, area_m2. */
+nlohmann::ordered_json toJson(const contact::LoadError& error);
+
+/** {status, status_text, compartments: {name: ...}, total}; only the first two when there are no numbers. With `errors`
+ every load has an error_estimate. */
+nlohmann::ordered_json toJson(const scene::Scene& scene, const std::vector<contact::ContactResult>& results,
+                              const std::vector<contact::ContactErrorEstimate>& errors = {});
+
+/** Table as the paper's Table 4: force, torque, peak, mean, area per compartment and in total, with units; with `errors` a
+ second one of their estimated errors. */
+std::string formatTable(const scene::Scene& scene, const std::vector<contact::ContactResult>& results,
+                        const std::vector<contact::ContactErrorEstimate>& errors = {});
 
 }  // namespace genu::report

@@ -17,7 +17,7 @@ enum class Precision { single, full };
  times cell size squared / 4, below 5 um for 1 mm cells on a 60 mm radius).
 
  Cell data: pressure_Pa, penetration_m (corrected, 0 outside contact), distance_m (signed, uncorrected; a lower bound
- for elements that were skipped), thickness_m, area_m2, contact (0 or 1), compartment (index), ix, iz; with
+ for elements that were skipped), thickness_m, area_m2, contact (0 or 1), compartment (index), ix, iz, level; with
  Precision::full also center_m, normal and force_direction. */
 VtkMesh makeElementMesh(const contact::ContactPairDefinition& definition,
                         const std::vector<std::vector<contact::ElementField>>& fields, Precision precision);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "genu/contact/ContactPair.h"
+#include "genu/contact/ErrorEstimate.h"
 #include "genu/contact/Types.h"
 
 namespace genu::scene {
@@ -14,6 +15,7 @@ struct Frame {
   double time_s = 0;
   contact::JointCoordinates q{}, qdot{}, qddot{};
   std::vector<contact::ContactResult> contacts;  ///< one per contact pair of the scene, in its order
+  std::vector<contact::ContactErrorEstimate> errors;  ///< of `contacts`; empty: not estimated
   std::vector<double> constraintForce;           ///< generalized force that prescribes each coordinate (0 when free)
 };
 
