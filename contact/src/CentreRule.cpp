@@ -99,9 +99,9 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
         const int e = memory.queue[head];
         if (!test(e, locate(e))) continue;
         const int ix = c.cell[static_cast<size_t>(e)] / c.nz, iz = c.cell[static_cast<size_t>(e)] % c.nz;
-        for (int jx = std::max(ix - 1, 0); jx <= std::min(ix + 1, c.nx - 1); ++jx) {
+        for (int jx = c.wraps ? ix - 1 : std::max(ix - 1, 0); jx <= (c.wraps ? ix + 1 : std::min(ix + 1, c.nx - 1)); ++jx) {
           for (int jz = std::max(iz - 1, 0); jz <= std::min(iz + 1, c.nz - 1); ++jz) {
-            const int next = c.element[static_cast<size_t>(jx * c.nz + jz)];
+            const int next = c.element[static_cast<size_t>((jx + c.nx) % c.nx * c.nz + jz)];
             if (next < 0 || memory.visit[static_cast<size_t>(next)] == stamp) continue;
             memory.visit[static_cast<size_t>(next)] = stamp;
             memory.queue.push_back(next);

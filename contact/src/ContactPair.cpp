@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "detail/ContactPairImpl.h"
+#include "detail/GridOnMoving.h"
 
 namespace genu::contact {
 
@@ -40,7 +41,13 @@ std::unique_ptr<PressureTable> makeTable(const ContactPairDefinition& d) {
 
 }  // namespace
 
-ContactPair::Impl::Impl(ContactPairDefinition d) : detail::PairData{d, makeLaw(d), makeTable(d)} {}
+ContactPair::Impl::Impl(ContactPairDefinition d) : detail::PairData{d, makeLaw(d), makeTable(d)}, given(std::move(d)) {
+  if (given.gridOn == GridOn::moving) {
+    definition = exchangeBodies(given);
+    law = makeLaw(definition);
+    table = makeTable(definition);
+  }
+}
 
 ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_unique<Impl>()) {
   const auto& compartments = pair.impl_->compartments;
@@ -114,6 +121,7 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
   }
   impl_ = std::make_unique<Impl>(std::move(definition));
   Impl& m = *impl_;
+  const char* other = m.given.gridOn == GridOn::fixed ? "moving" : "fixed";
   for (const CompartmentDefinition& c : m.definition.compartments) m.buildCompartment(c);
 
   const Thickness& moving = m.definition.movingThickness;
@@ -126,14 +134,14 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
     for (const CompartmentDefinition& c : m.definition.compartments) {
       const double low = c.movingSurface->boundingBox().min().y(), high = c.movingSurface->boundingBox().max().y();
       if (low <= plane->planeY_m && high >= plane->planeY_m) {
-        fail("thickness of the moving body: its surface, y ", low, " .. ", high, " m, crosses the plane y = ", plane->planeY_m,
+        fail("thickness of the ", other, " body: its surface, y ", low, " .. ", high, " m, crosses the plane y = ", plane->planeY_m,
              " m from which the thickness is measured; move the plane to one side of it");
       }
     }
-  } else if (std::holds_alternative<BackSurface>(moving.source)) {
+  } else if (std::holds_alternative<BackSurface>(moving.source) || std::holds_alternative<RadialThickness>(moving.source)) {
     m.movingLayer = MovingLayer::map;
     if (moving.mapSamplesU < 2 || moving.mapSamplesV < 2) {
-      fail("thickness of the moving body: map of ", moving.mapSamplesU, "x", moving.mapSamplesV, " samples; needed: at least 2x2");
+      fail("thickness of the ", other, " body: map of ", moving.mapSamplesU, "x", moving.mapSamplesV, " samples; needed: at least 2x2");
     }
     std::vector<const ContactSurface*> done;  // compartments that share a surface share its map
     for (Compartment& c : m.compartments) {
@@ -142,7 +150,7 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
       if (it == done.end()) {
         done.push_back(c.moving);
         m.mapReports.emplace_back();
-        m.maps.push_back(std::make_unique<ThicknessMap>(*c.moving, moving, m.mapReports.back()));
+        m.maps.push_back(std::make_unique<ThicknessMap>(other, *c.moving, moving, m.mapReports.back()));
       }
       c.map = m.maps[index].get();
     }
@@ -152,7 +160,7 @@ ContactPair::ContactPair(ContactPairDefinition definition) {
 ContactPair::~ContactPair() = default;
 ContactPair::ContactPair(ContactPair&&) noexcept = default;
 
-const ContactPairDefinition& ContactPair::definition() const { return impl_->definition; }
+const ContactPairDefinition& ContactPair::definition() const { return impl_->given; }
 int ContactPair::numCompartments() const { return static_cast<int>(impl_->compartments.size()); }
 int ContactPair::numElements() const {
   size_t n = 0;
@@ -237,6 +245,8 @@ void ContactPair::evaluate(const JointCoordinates& q, ContactWorkspace& workspac
   }
   w.hasStored = false;
   w.X_FM = calcPose(q);
+  const bool gridOnMoving = impl_->given.gridOn == GridOn::moving;
+  w.X_evaluated = gridOnMoving ? w.X_FM.inverse() : w.X_FM;
   if (++w.stamp == 0) {  // wrapped around: forget old visits
     for (CompartmentMemory& m : w.compartments) {
       std::fill(m.visit.begin(), m.visit.end(), 0u);
@@ -252,22 +262,24 @@ void ContactPair::evaluate(const JointCoordinates& q, ContactWorkspace& workspac
     r.compartments[k] = NetLoad{};
     const Compartment& c = impl_->compartments[k];
     if (smooth) {
-      impl_->evaluateSmooth(c, w.X_FM, options.withEnergy, w.compartments[k], w.stamp, r.compartments[k], r.distanceQueries,
+      impl_->evaluateSmooth(c, w.X_evaluated, options.withEnergy, w.compartments[k], w.stamp, r.compartments[k], r.distanceQueries,
                             options.withStiffness ? &byMotion : nullptr);
     } else {
       std::visit(
           [&](const auto& law) {
-            impl_->evaluateCentre(law, c, w.X_FM, options.withEnergy, w.compartments[k], w.stamp, r.compartments[k], r.distanceQueries);
+            impl_->evaluateCentre(law, c, w.X_evaluated, options.withEnergy, w.compartments[k], w.stamp, r.compartments[k], r.distanceQueries);
           },
           impl_->law);
     }
+    if (gridOnMoving) mapLoadFromM(w.X_FM, r.compartments[k]);
   }
+  r.total = sumLoads(r.compartments);
   if (options.withStiffness) {
+    if (gridOnMoving) byMotion = mapStiffnessFromM(w.X_FM, byMotion, r.total.forceOnM_F, r.total.momentOnM_Fo_F);
     r.stiffness = byMotion * calcMotionOfCoordinates(q);
   } else {
     r.stiffness.setZero();
   }
-  r.total = sumLoads(r.compartments);
   r.status = r.total.notConvergedQueries > 0       ? EvaluationStatus::notConverged
              : r.total.fullPenetrationElements > 0 ? EvaluationStatus::fullPenetration
              : r.total.extrapolatedElements > 0    ? EvaluationStatus::extrapolated
@@ -313,7 +325,7 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       f.h_m = c.hF_m[i];
       const bool smooth = impl_->definition.rule == ContactRule::smooth;
       const Vec3 queried = smooth ? Vec3(m.feet[i].Q[0], m.feet[i].Q[1], m.feet[i].Q[2]) : m.p_MA[i];
-      const double moved = (w.X_FM.applyInverse(c.p_FA[i]) - queried).norm();
+      const double moved = (w.X_evaluated.applyInverse(c.p_FA[i]) - queried).norm();
       f.footOnBorder = smooth ? m.feet[i].status == QueryStatus::onBoundary : m.onBorder[i] != 0;
       const double distance = smooth ? m.feet[i].distance_m : m.distance_m[i];
       f.distance_m = moved == 0 ? distance : distance - moved;
@@ -327,6 +339,9 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       f.force_N = a.force_N;
       f.forceDirection_F = a.direction_F;
       f.active = true;
+    }
+    if (impl_->given.gridOn == GridOn::moving) {
+      for (ElementField& f : fields[k]) mapFieldFromM(w.X_FM, f);
     }
   }
   return fields;

@@ -24,7 +24,8 @@ enum class MovingLayer { none, constant, plane, map };
 struct Compartment {
   std::string name;
   int nx = 0, nz = 0;
-  double cellSize_m = 0;  // square root of dx dz
+  bool wraps = false;     // a full turn: elements ix = 0 and ix = nx - 1 are neighbors
+  double cellSize_m = 0;  // square root of dx dz, or of the mean element area on a round element surface
   const ContactSurface* moving = nullptr;
   const ThicknessMap* map = nullptr;
   int elements = 0;
@@ -89,7 +90,7 @@ struct CompartmentMemory {
 
 /** What the element loops read. */
 struct PairData {
-  ContactPairDefinition definition;
+  ContactPairDefinition definition;  // bodies exchanged where the grid is on the moving body (GridOnMoving.h)
   std::variant<LinearLayer, PowerLawLayer, SeriesLayers> law;
   std::unique_ptr<PressureTable> table;  // smooth rule and a nonlinear law of one material
   MovingLayer movingLayer = MovingLayer::none;
@@ -99,6 +100,7 @@ struct PairData {
 }  // namespace detail
 
 struct ContactPair::Impl : detail::PairData {
+  ContactPairDefinition given;  // as the user gave it
   std::vector<detail::Compartment> compartments;
   std::vector<GridReport> gridReports;
   std::vector<ThicknessMapReport> mapReports;
@@ -122,7 +124,8 @@ struct ContactWorkspace::Impl {
   JointCoordinates storedQ{};
   ContactResult stored;
   bool hasStored = false, storedWithEnergy = false, storedWithStiffness = false;
-  Pose X_FM;
+  Pose X_FM;      // of the last evaluation
+  Pose X_evaluated;  // X_FM, or its inverse where the grid is on the moving body
   unsigned stamp = 0;
 };
 
