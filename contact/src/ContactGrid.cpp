@@ -14,6 +14,8 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
   const char* other = definition.gridOn == GridOn::fixed ? "moving" : "fixed";
   if (!c.fixedSurface) fail("compartment ", c.name, ": the ", body, " surface is missing");
   if (!c.movingSurface) fail("compartment ", c.name, ": the ", other, " surface is missing");
+  NodeProjector projector(c, definition.fixedThickness, definition.planeY_m);  // checks the grid's ranges and size
+  const ElementRays& rays = projector.rays();
   Compartment out;
   GridReport report;
   out.name = report.name = c.name;
@@ -22,8 +24,6 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c) {
   out.moving = c.movingSurface.get();
   report.cells = c.nx * c.nz;
   out.element.assign(static_cast<size_t>(report.cells), -1);
-  NodeProjector projector(c, definition.fixedThickness, definition.planeY_m);
-  const ElementRays& rays = projector.rays();
   out.wraps = rays.wraps();
   double sumThickness = 0;
   report.minThickness_m = std::numeric_limits<double>::infinity();

@@ -352,7 +352,8 @@ double ContactPair::calcPower(const NetLoad& load, const SpatialVelocity& V, con
   return load.forceOnM_F.dot(velocityAtFo) + load.momentOnM_Fo_F.dot(V.w_FM);
 }
 
-std::array<double, 4> findRectangle(const ContactSurface& surface) {
+std::array<double, 4> findRectangle(const ContactSurface& surface, PlaneFacing facing) {
+  const double sign = facing == PlaneFacing::up ? 1 : -1;
   Eigen::AlignedBox3d box;
   constexpr int kSamples = 200;
   for (int k = 0; k < surface.numPatches(); ++k) {
@@ -360,11 +361,14 @@ std::array<double, 4> findRectangle(const ContactSurface& surface) {
     for (int i = 0; i <= kSamples; ++i) {
       for (int j = 0; j <= kSamples; ++j) {
         const double u = p.uMin() + (p.uMax() - p.uMin()) * i / kSamples, v = p.vMin() + (p.vMax() - p.vMin()) * j / kSamples;
-        if (p.calcNormal(u, v).y() > 0) box.extend(p.calcPoint(u, v));
+        if (sign * p.calcNormal(u, v).y() > 0) box.extend(p.calcPoint(u, v));
       }
     }
   }
-  if (box.isEmpty()) fail("fixed surface: no part of it faces upwards (+y); its normals are inverted, or it stands upright");
+  if (box.isEmpty()) {
+    fail(facing == PlaneFacing::up ? "fixed surface: no part of it faces upwards (+y)" : "surface: no part of it faces downwards (-y)",
+         "; its normals are inverted, or it stands upright");
+  }
   return {box.min().x(), box.max().x(), box.min().z(), box.max().z()};
 }
 

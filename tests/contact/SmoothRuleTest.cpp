@@ -208,7 +208,7 @@ INSTANTIATE_TEST_SUITE_P(
         StiffnessCase{"two_layers", cartilage(), StrainMeasure::large, constantThickness(0.002), {}, Correction::midsurface, 1e-7},
         StiffnessCase{"series", uhmwpe(), StrainMeasure::small, constantThickness(0.002), cartilage(), Correction::midsurface, 1e-7},
         StiffnessCase{"power_law", uhmwpePowerLaw(), StrainMeasure::small, {}, {}, Correction::midsurface, 2e-5}),
-    [](const auto& info) { return info.param.name; });
+    [](const auto& test_info) { return test_info.param.name; });
 
 TEST(StiffnessWithThicknessMap, FollowsTheMapInsideItsCells) {
   // The map is bilinear: its slope jumps between its cells, so that the stiffness is right where no foot of weight sits on

@@ -252,7 +252,8 @@ class ContactPair {
   std::unique_ptr<Impl> impl_;
 };
 
-/** Smallest rectangle [x0, x1, z0, z1] that contains the upward-facing part of the fixed surface. */
-std::array<double, 4> findRectangle(const ContactSurface& fixedSurface);
+/** Smallest rectangle [x0, x1, z0, z1] that contains the part of a surface that faces up (or down); for round element surfaces see
+ findExtent. */
+std::array<double, 4> findRectangle(const ContactSurface& surface, PlaneFacing facing = PlaneFacing::up);
 
 }  // namespace genu::contact
