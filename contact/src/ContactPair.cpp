@@ -200,6 +200,15 @@ NetLoad sumLoads(const std::vector<NetLoad>& loads) {
   return t;
 }
 
+/** Elements whose centre strains one of two layers in series beyond its range, which the strain of their sum does not tell. */
+int countExtrapolated(const SeriesLayers& law, const CompartmentMemory& memory) {
+  int count = 0;
+  for (const Active& a : memory.active) {
+    count += a.d_m > 0 && law.calcResponse(a.d_m, a.h_m - a.hM_m, a.hM_m).extrapolated;
+  }
+  return count;
+}
+
 /** Columns: motion (v, w) of M at Fo that a unit rate of each coordinate makes. */
 Matrix6 calcMotionOfCoordinates(const JointCoordinates& q) {
   Matrix6 motion;
@@ -264,6 +273,9 @@ void ContactPair::evaluate(const JointCoordinates& q, ContactWorkspace& workspac
     if (smooth) {
       impl_->evaluateSmooth(c, w.X_evaluated, options.withEnergy, w.compartments[k], w.stamp, r.compartments[k], r.distanceQueries,
                             options.withStiffness ? &byMotion : nullptr);
+      if (const auto* series = std::get_if<SeriesLayers>(&impl_->law)) {
+        r.compartments[k].extrapolatedElements = countExtrapolated(*series, w.compartments[k]);
+      }
     } else {
       std::visit(
           [&](const auto& law) {
