@@ -91,7 +91,7 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
       if (*format == FieldFormat::csv) {
         report::writeElementCsv(file, pairs[p]->definition(), fields);
       } else {
-        report::writeVtp(file, report::makeElementMesh(pairs[p]->definition(), fields, report::Precision::full));
+        report::writeVtp(file, report::makeElementMesh(pairs[p]->definition(), fields, report::Precision::full, poses.calcPose(q, p)));
       }
       spdlog::info("wrote {}", file.string());
     }

@@ -130,7 +130,7 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
     const size_t i = static_cast<size_t>(a.element);
     LayerResponse r;
     if constexpr (std::is_same_v<Law, SeriesLayers>) {
-      r = law_.calcResponse(a.d_m, c.hF_m[i], a.hM_m);
+      r = withEnergy ? law_.template calcResponse<true>(a.d_m, c.hF_m[i], a.hM_m) : law_.template calcResponse<false>(a.d_m, c.hF_m[i], a.hM_m);
     } else {
       r = withEnergy ? law_.template calcResponse<true>(a.d_m, a.h_m) : law_.template calcResponse<false>(a.d_m, a.h_m);
     }

@@ -204,7 +204,7 @@ NetLoad sumLoads(const std::vector<NetLoad>& loads) {
 int countExtrapolated(const SeriesLayers& law, const CompartmentMemory& memory) {
   int count = 0;
   for (const Active& a : memory.active) {
-    count += a.d_m > 0 && law.calcResponse(a.d_m, a.h_m - a.hM_m, a.hM_m).extrapolated;
+    count += a.d_m > 0 && law.calcResponse<false>(a.d_m, a.h_m - a.hM_m, a.hM_m).extrapolated;
   }
   return count;
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -19,23 +20,29 @@ using contact::Vec3;
 
 namespace {
 
-/** Shared corners of one compartment: index of the point at grid corner (i, k), heights averaged over elements. */
+/** Shared corners of one compartment: index of the point at grid corner (i, k), places on the rays averaged over elements.
+ `X_FG`: pose of the body that carries the grid. */
 void appendCompartment(const CompartmentDefinition& compartment, const std::vector<ElementField>& elements,
-                       VtkMesh& mesh) {
+                       const contact::Pose& X_FG, VtkMesh& mesh) {
+  const contact::ElementRays rays(compartment);
   const int cornersZ = compartment.nz + 1;
-  const auto corner = [&](int i, int k) { return static_cast<size_t>(i) * cornersZ + k; };
-  const size_t numCorners = corner(compartment.nx, compartment.nz) + 1;
-  const double dx = (compartment.x1_m - compartment.x0_m) / compartment.nx;
-  const double dz = (compartment.z1_m - compartment.z0_m) / compartment.nz;
-  std::vector<double> height(numCorners, 0.0);
+  const auto corner = [&](int i, int k) {  // a grid that closes on itself has one corner on both sides of the seam
+    return static_cast<size_t>(rays.wraps() && i == compartment.nx ? 0 : i) * cornersZ + k;
+  };
+  const size_t numCorners = static_cast<size_t>(compartment.nx + 1) * cornersZ;
+  const auto rayOf = [&](int i, int k) {
+    const double a = rays.a0() + i * rays.da(), b = rays.b0() + k * rays.db();
+    return std::pair(rays.calcOrigin(a, b), rays.calcDirection(a, b));
+  };
+  std::vector<double> along(numCorners, 0.0);
   std::vector<int> count(numCorners, 0);
   for (const auto& e : elements) {
+    const Vec3 p_GA = X_FG.applyInverse(e.p_FA), normal_G = X_FG.R.transpose() * e.normal_F;
     for (int i = 0; i < 2; ++i) {
       for (int k = 0; k < 2; ++k) {
-        const double x = compartment.x0_m + (e.ix + i) * dx, z = compartment.z0_m + (e.iz + k) * dz;
+        const auto [origin, direction] = rayOf(e.ix + i, e.iz + k);
         const size_t at = corner(e.ix + i, e.iz + k);
-        height[at] +=
-            e.p_FA.y() - (e.normal_F.x() * (x - e.p_FA.x()) + e.normal_F.z() * (z - e.p_FA.z())) / e.normal_F.y();
+        along[at] += normal_G.dot(p_GA - origin) / normal_G.dot(direction);
         ++count[at];
       }
     }
@@ -44,17 +51,21 @@ void appendCompartment(const CompartmentDefinition& compartment, const std::vect
   for (int i = 0; i <= compartment.nx; ++i) {
     for (int k = 0; k <= compartment.nz; ++k) {
       const size_t at = corner(i, k);
-      if (count[at] == 0) continue;
+      if (count[at] == 0 || index[at] >= 0) continue;
       index[at] = static_cast<std::int32_t>(mesh.numPoints());
-      mesh.points.insert(mesh.points.end(),
-                         {compartment.x0_m + i * dx, height[at] / count[at], compartment.z0_m + k * dz});
+      const auto [origin, direction] = rayOf(i, k);
+      const Vec3 point = X_FG.apply(origin + along[at] / count[at] * direction);
+      mesh.points.insert(mesh.points.end(), {point.x(), point.y(), point.z()});
     }
   }
+  const auto pointAt = [&mesh](std::int32_t i) { return Vec3(Eigen::Map<const Vec3>(mesh.points.data() + 3 * static_cast<size_t>(i))); };
   for (const auto& e : elements) {
-    // Counter-clockwise seen from +y: the face normal is the outward normal of the surface.
-    for (const auto& [i, k] : {std::pair{0, 0}, {0, 1}, {1, 1}, {1, 0}}) {
-      mesh.connectivity.push_back(index[corner(e.ix + i, e.iz + k)]);
-    }
+    // Counter-clockwise seen from outside: the face normal is the outward normal of the surface.
+    std::array<std::int32_t, 4> quad = {index[corner(e.ix, e.iz)], index[corner(e.ix, e.iz + 1)], index[corner(e.ix + 1, e.iz + 1)],
+                                        index[corner(e.ix + 1, e.iz)]};
+    const Vec3 faceNormal = (pointAt(quad[2]) - pointAt(quad[0])).cross(pointAt(quad[3]) - pointAt(quad[1]));
+    if (faceNormal.dot(e.normal_F) < 0) std::swap(quad[1], quad[3]);
+    mesh.connectivity.insert(mesh.connectivity.end(), quad.begin(), quad.end());
   }
 }
 
@@ -102,9 +113,11 @@ void addCellData(const std::vector<std::vector<ElementField>>& fields, bool full
 }  // namespace
 
 VtkMesh makeElementMesh(const contact::ContactPairDefinition& definition,
-                        const std::vector<std::vector<ElementField>>& fields, Precision precision) {
+                        const std::vector<std::vector<ElementField>>& fields, Precision precision,
+                        const contact::Pose& X_FM) {
   VtkMesh mesh;
-  for (size_t c = 0; c < fields.size(); ++c) appendCompartment(definition.compartments.at(c), fields[c], mesh);
+  const contact::Pose X_FG = definition.gridOn == contact::GridOn::moving ? X_FM : contact::Pose{};
+  for (size_t c = 0; c < fields.size(); ++c) appendCompartment(definition.compartments.at(c), fields[c], X_FG, mesh);
   if (precision == Precision::full) {
     addCellData<double>(fields, true, mesh);
   } else {

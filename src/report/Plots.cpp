@@ -220,7 +220,23 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
                          const std::vector<MapPanel>& panels, bool leftKnee) {
   // Extent of the compartments [mm] and the largest pressure [MPa] of all panels.
   double x0 = std::numeric_limits<double>::infinity(), z0 = x0, x1 = -x0, z1 = -x0;
+  const auto isFlat = [&definition](const contact::CompartmentDefinition& c) {
+    return std::holds_alternative<contact::ElementPlane>(c.elementSurface) && definition.gridOn == contact::GridOn::fixed;
+  };
+  // Half the edge of a square that covers as much of the x-z plane as an element does [mm].
+  const auto calcHalfEdge = [](const contact::ElementField& e) { return 500 * std::sqrt(e.area_m2 * std::abs(e.normal_F.y())); };
+  for (size_t c = 0; c < definition.compartments.size(); ++c) {
+    if (isFlat(definition.compartments[c])) continue;
+    for (const auto& panel : panels) {
+      for (const auto& e : panel.fields[c]) {
+        const double half = calcHalfEdge(e);
+        x0 = std::min(x0, e.p_FA.x() * 1e3 - half), x1 = std::max(x1, e.p_FA.x() * 1e3 + half);
+        z0 = std::min(z0, e.p_FA.z() * 1e3 - half), z1 = std::max(z1, e.p_FA.z() * 1e3 + half);
+      }
+    }
+  }
   for (const auto& c : definition.compartments) {
+    if (!isFlat(c)) continue;
     x0 = std::min(x0, c.x0_m * 1e3), x1 = std::max(x1, c.x1_m * 1e3);
     z0 = std::min(z0, c.z0_m * 1e3), z1 = std::max(z1, c.z1_m * 1e3);
   }
@@ -239,8 +255,9 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
       const double dx = 500 * (compartment.x1_m - compartment.x0_m) / compartment.nx;
       const double dz = 500 * (compartment.z1_m - compartment.z0_m) / compartment.nz;
       for (const auto& e : panels[p].fields[c]) {
-        data += fmt::format("{:.6g} {:.6g} {:.6g} {:.6g} {:.6g}\n", e.p_FA.z() * 1e3, e.p_FA.x() * 1e3, dz, dx,
-                            e.p_Pa * 1e-6);
+        const bool flat = isFlat(compartment);
+        data += fmt::format("{:.6g} {:.6g} {:.6g} {:.6g} {:.6g}\n", e.p_FA.z() * 1e3, e.p_FA.x() * 1e3,
+                            flat ? dz : calcHalfEdge(e), flat ? dx : calcHalfEdge(e), e.p_Pa * 1e-6);
       }
     }
     io::writeFileAtomically(out.file(fmt::format("plots/{}_{}.dat", name, p + 1)), data);

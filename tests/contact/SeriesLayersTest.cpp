@@ -116,6 +116,35 @@ TEST(SeriesLayers, SlopeAndEnergyAreTheDerivativeAndTheIntegral) {
   }
 }
 
+TEST(SeriesLayers, SlopesByThickness) {
+  for (const Pair& pair : allPairs()) {
+    for (const StrainMeasure strain : {StrainMeasure::small, StrainMeasure::large}) {
+      const SeriesLayers series(pair.fixed, pair.moving, strain);
+      const double hF = 0.002, hM = 0.003;
+      for (const double d : {1e-5, 3e-4, 2e-3, 4e-3}) {
+        const auto r = series.calcResponse(d, hF, hM);
+        const double k = 1e-4;  // five points, as above
+        const auto slope = [&](bool fixed) {
+          const auto p = [&](double times) {
+            return series.calcResponse(d, fixed ? hF * (1 + times * k) : hF, fixed ? hM : hM * (1 + times * k)).p_Pa;
+          };
+          return (p(-2) - 8 * p(-1) + 8 * p(1) - p(2)) / (12 * k * (fixed ? hF : hM));
+        };
+        // Of a hard layer's compliance 1e-6 of the sum's little is left in a difference: against the larger slope.
+        const double scale = 1e-8 * std::max(std::abs(r.dpdhF_PaPerM), std::abs(r.dpdhM_PaPerM)) ;
+        EXPECT_NEAR(r.dpdhF_PaPerM, slope(true), scale) << pair.name << " " << d;
+        EXPECT_NEAR(r.dpdhM_PaPerM, slope(false), scale) << pair.name << " " << d;
+        // p depends on ratios of lengths: d p_d + hF p_hF + hM p_hM = 0 (Euler).
+        EXPECT_NEAR((hF * r.dpdhF_PaPerM + hM * r.dpdhM_PaPerM) / (d * r.dpdd_PaPerM), -1, 1e-13);
+      }
+      // A layer that is not there yet: the slope where it begins.
+      const auto none = series.calcResponse(3e-4, hF, 0), thin = series.calcResponse(3e-4, hF, 1e-12);
+      EXPECT_NEAR(none.dpdhM_PaPerM / thin.dpdhM_PaPerM, 1, 1e-6);
+      EXPECT_EQ(series.calcResponse<false>(3e-4, hF, hM).p_Pa, series.calcResponse<true>(3e-4, hF, hM).p_Pa);
+    }
+  }
+}
+
 TEST(SeriesLayers, AThinLayerFadesAway) {
   // h -> 0 of one layer: p is that of the other alone, pressed less by what the thin one gives way. Exactly zero is the limit itself.
   for (const Pair& pair : allPairs()) {
