@@ -90,7 +90,9 @@ const char* describe(contact::Tracking tracking) {
 }
 
 bool isRigid(const contact::Thickness& t) { return std::holds_alternative<contact::RigidBody>(t.source); }
-bool needsMap(const contact::Thickness& t) { return std::holds_alternative<contact::BackSurface>(t.source); }
+bool needsMap(const contact::Thickness& t) {
+  return std::holds_alternative<contact::BackSurface>(t.source) || std::holds_alternative<contact::RadialThickness>(t.source);
+}
 
 void explainModel(const Scene& scene) {
   if (!scene.model) return;
@@ -220,8 +222,8 @@ void explainLeftOut(const Built& built) {
                        [&](const auto& pair) { return test(pair.definition); });
   };
   using Definition = contact::ContactPairDefinition;
-  if (all([](const Definition& d) { return !needsMap(d.movingThickness); })) {
-    left.emplace_back("thickness map of the moving body: its layer comes from no back surface");
+  if (all([](const Definition& d) { return !needsMap(d.gridOn == contact::GridOn::fixed ? d.movingThickness : d.fixedThickness); })) {
+    left.emplace_back("thickness map of the body without elements: its layer comes from no back surface");
   }
   if (all([](const Definition& d) { return isRigid(d.movingThickness) || isRigid(d.fixedThickness); })) {
     left.emplace_back("sum of two layers: one body is rigid");
