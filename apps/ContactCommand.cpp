@@ -118,7 +118,7 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
       if (*format == FieldFormat::csv) {
         report::writeElementCsv(file, pair.definition(), fields);
       } else {
-        report::writeVtp(file, report::makeElementMesh(pair.definition(), fields, report::Precision::full));
+        report::writeVtp(file, report::makeElementMesh(pair.definition(), fields, report::Precision::full, poses.calcPose(q, p)));
       }
       spdlog::info("wrote {}", file.string());
     }

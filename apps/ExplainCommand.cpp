@@ -52,6 +52,9 @@ std::string describe(const contact::Thickness& thickness) {
           return "constant, " + io::formatQuantity(source.h_m, "mm");
         } else if constexpr (std::is_same_v<T, contact::HeightAbovePlane>) {
           return "height above the plane y = " + io::formatQuantity(source.planeY_m, "mm");
+        } else if constexpr (std::is_same_v<T, contact::RadialThickness>) {
+          return std::string("distance to a ") + (source.axis ? "cylinder" : "sphere") + " of radius " +
+                 io::formatQuantity(source.radius_m, "mm");
         } else {
           return source.direction == contact::BackDirection::normal ? "back surface along the normal"
                                                                     : "back surface, closest point";
@@ -87,7 +90,9 @@ const char* describe(contact::Tracking tracking) {
 }
 
 bool isRigid(const contact::Thickness& t) { return std::holds_alternative<contact::RigidBody>(t.source); }
-bool needsMap(const contact::Thickness& t) { return std::holds_alternative<contact::BackSurface>(t.source); }
+bool needsMap(const contact::Thickness& t) {
+  return std::holds_alternative<contact::BackSurface>(t.source) || std::holds_alternative<contact::RadialThickness>(t.source);
+}
 
 void explainModel(const Scene& scene) {
   if (!scene.model) return;
@@ -138,6 +143,22 @@ void explainModel(const Scene& scene) {
   }
 }
 
+std::string describeExtent(const contact::CompartmentDefinition& c) {
+  constexpr double kDegree = contact::kPi / 180;
+  if (const auto* plane = std::get_if<contact::ElementPlane>(&c.elementSurface)) {
+    return fmt::format("x {:g} to {:g} mm, z {:g} to {:g} mm{}", c.x0_m * 1e3, c.x1_m * 1e3, c.z0_m * 1e3, c.z1_m * 1e3,
+                       plane->facing == contact::PlaneFacing::down ? ", facing down" : "");
+  }
+  const auto facing = [](contact::RoundFacing f) { return f == contact::RoundFacing::inward ? "inward" : "outward"; };
+  if (const auto* cylinder = std::get_if<contact::ElementCylinder>(&c.elementSurface)) {
+    return fmt::format("a cylinder facing {}, {:g} to {:g} deg, {:g} to {:g} mm along its axis", facing(cylinder->facing),
+                       cylinder->angle0_rad / kDegree, cylinder->angle1_rad / kDegree, cylinder->axial0_m * 1e3, cylinder->axial1_m * 1e3);
+  }
+  const auto& sphere = std::get<contact::ElementSphere>(c.elementSurface);
+  return fmt::format("a sphere facing {}, {:g} to {:g} deg, elevation {:g} to {:g} deg", facing(sphere.facing), sphere.angle0_rad / kDegree,
+                     sphere.angle1_rad / kDegree, sphere.elevation0_rad / kDegree, sphere.elevation1_rad / kDegree);
+}
+
 void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& spec) {
   const contact::ContactPairDefinition& d = pair.definition();
   fmt::print("\nContact {}: {} on {}\n", spec.name, spec.movingBody.empty() ? "moving body M" : spec.movingBody,
@@ -145,17 +166,17 @@ void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& 
   for (size_t c = 0; c < d.compartments.size(); ++c) {
     const auto& compartment = d.compartments[c];
     const auto& grid = pair.gridReports()[c];
-    fmt::print("  {}: {} x {} cells over x {:g} to {:g} mm, z {:g} to {:g} mm\n", compartment.name, compartment.nx,
-               compartment.nz, compartment.x0_m * 1e3, compartment.x1_m * 1e3, compartment.z0_m * 1e3,
-               compartment.z1_m * 1e3);
+    fmt::print("  {}: {} x {} cells over {}{}\n", compartment.name, compartment.nx, compartment.nz, describeExtent(compartment),
+               d.gridOn == contact::GridOn::moving ? ", on the moving body" : "");
     fmt::print("    {} elements, {:.1f} mm^2", grid.elements, grid.surfaceArea_m2 * 1e6);
     if (grid.missedSurface > 0) fmt::print("; {} cells miss the surface", grid.missedSurface);
     if (grid.belowPlane > 0) fmt::print("; {} below the element plane", grid.belowPlane);
     if (grid.missedBack > 0) fmt::print("; {} miss the back surface", grid.missedBack);
     if (grid.clamped > 0) fmt::print("; {} with clamped thickness", grid.clamped);
     fmt::print("\n");
-    if (!isRigid(d.fixedThickness)) {
-      fmt::print("    fixed layer {:.3f} to {:.3f} mm, mean {:.3f} mm\n", grid.minThickness_m * 1e3,
+    const bool onFixed = d.gridOn == contact::GridOn::fixed;
+    if (!isRigid(onFixed ? d.fixedThickness : d.movingThickness)) {
+      fmt::print("    {} layer {:.3f} to {:.3f} mm, mean {:.3f} mm\n", onFixed ? "fixed" : "moving", grid.minThickness_m * 1e3,
                  grid.maxThickness_m * 1e3, grid.meanThickness_m * 1e3);
     }
   }
@@ -202,8 +223,8 @@ void explainLeftOut(const Built& built) {
                        [&](const auto& pair) { return test(pair.definition); });
   };
   using Definition = contact::ContactPairDefinition;
-  if (all([](const Definition& d) { return !needsMap(d.movingThickness); })) {
-    left.emplace_back("thickness map of the moving body: its layer comes from no back surface");
+  if (all([](const Definition& d) { return !needsMap(d.gridOn == contact::GridOn::fixed ? d.movingThickness : d.fixedThickness); })) {
+    left.emplace_back("thickness map of the body without elements: its layer comes from no back surface");
   }
   if (all([](const Definition& d) { return isRigid(d.movingThickness) || isRigid(d.fixedThickness); })) {
     left.emplace_back("sum of two layers: one body is rigid");

@@ -166,7 +166,65 @@ gc::NurbsPatch toPatch(const genu_nurbs_patch& p, int index) {
   }
 }
 
-gc::Thickness toThickness(const genu_thickness& t, const std::string& name) {
+gc::Vec3 toVector(const double v[3]) { return {v[0], v[1], v[2]}; }
+bool isZero(const double v[3]) { return v[0] == 0 && v[1] == 0 && v[2] == 0; }
+
+template <class Round>
+void readRound(const genu_element_surface& s, const std::string& where, gc::Vec3& center, Round& round) {
+  requireFinite(s.center, 3, (where + "center").c_str());
+  requireFinite(s.axis, 3, (where + "axis").c_str());
+  requireFinite(s.zero, 3, (where + "zero").c_str());
+  requireFinite(s.angle, 2, (where + "angle").c_str());
+  requireFinite(&s.limit_radius, 1, (where + "limit_radius").c_str());
+  center = toVector(s.center);
+  if (!isZero(s.axis)) round.axis = toVector(s.axis);
+  if (!isZero(s.zero)) round.zero = toVector(s.zero);
+  round.angle0_rad = s.angle[0];
+  round.angle1_rad = s.angle[1];
+  if (s.limit_radius != 0) round.radius_m = s.limit_radius;
+}
+
+gc::ElementSurface toElementSurface(const genu_element_surface& s, int index) {
+  const std::string where = "element_surfaces[" + std::to_string(index) + "]: ";
+  switch (s.kind) {
+    case GENU_ELEMENTS_PLANE_UP: return gc::ElementPlane{gc::PlaneFacing::up};
+    case GENU_ELEMENTS_PLANE_DOWN: return gc::ElementPlane{gc::PlaneFacing::down};
+    case GENU_ELEMENTS_CYLINDER_OUTWARD:
+    case GENU_ELEMENTS_CYLINDER_INWARD: {
+      gc::ElementCylinder out;
+      readRound(s, where, out.point_m, out);
+      requireFinite(s.axial, 2, (where + "axial").c_str());
+      out.facing = s.kind == GENU_ELEMENTS_CYLINDER_INWARD ? gc::RoundFacing::inward : gc::RoundFacing::outward;
+      out.axial0_m = s.axial[0];
+      out.axial1_m = s.axial[1];
+      return out;
+    }
+    case GENU_ELEMENTS_SPHERE_OUTWARD:
+    case GENU_ELEMENTS_SPHERE_INWARD: {
+      gc::ElementSphere out;
+      readRound(s, where, out.center_m, out);
+      requireFinite(s.elevation, 2, (where + "elevation").c_str());
+      out.facing = s.kind == GENU_ELEMENTS_SPHERE_INWARD ? gc::RoundFacing::inward : gc::RoundFacing::outward;
+      out.elevation0_rad = s.elevation[0];
+      out.elevation1_rad = s.elevation[1];
+      return out;
+    }
+  }
+  throw std::invalid_argument(where + "unknown kind");
+}
+
+gc::RadialThickness toRadial(double radius, const genu_round_back* back, const std::string& name) {
+  gc::RadialThickness out;
+  out.radius_m = radius;
+  if (!back) return out;
+  requireFinite(back->center, 3, (name + ": center of the round back").c_str());
+  requireFinite(back->axis, 3, (name + ": axis of the round back").c_str());
+  out.center_m = toVector(back->center);
+  if (!isZero(back->axis)) out.axis = toVector(back->axis);
+  return out;
+}
+
+gc::Thickness toThickness(const genu_thickness& t, const genu_round_back* round, const std::string& name) {
   gc::Thickness out;
   switch (t.kind) {
     case GENU_THICKNESS_NONE: break;
@@ -178,6 +236,7 @@ gc::Thickness toThickness(const genu_thickness& t, const std::string& name) {
       out.source = gc::BackSurface{t.back->surface, t.kind == GENU_THICKNESS_BACK_NORMAL ? gc::BackDirection::normal
                                                                                          : gc::BackDirection::closest};
       break;
+    case GENU_THICKNESS_RADIAL: out.source = toRadial(t.value, round, name); break;
     default: throw std::invalid_argument(name + ": unknown kind");
   }
   for (const double v : {t.value, t.min, t.max, t.missing}) {
@@ -237,9 +296,14 @@ gc::ContactPairDefinition toDefinition(const genu_pair_options& o) {
   require(std::isfinite(o.copy_tolerance), "pair: copy_tolerance is not a finite number");
   gc::ContactPairDefinition d;
   for (int k = 0; k < o.num_compartments; ++k) d.compartments.push_back(toCompartment(o.compartments[k], k));
+  for (int k = 0; o.element_surfaces && k < o.num_compartments; ++k) {
+    d.compartments[static_cast<size_t>(k)].elementSurface = toElementSurface(o.element_surfaces[k], k);
+  }
+  require(o.grid_on == GENU_GRID_ON_FIXED || o.grid_on == GENU_GRID_ON_MOVING, "pair: unknown grid_on");
+  d.gridOn = o.grid_on == GENU_GRID_ON_MOVING ? gc::GridOn::moving : gc::GridOn::fixed;
   if (o.use_element_plane) d.planeY_m = o.element_plane_y;
-  d.fixedThickness = toThickness(o.fixed_thickness, "fixed_thickness");
-  d.movingThickness = toThickness(o.moving_thickness, "moving_thickness");
+  d.fixedThickness = toThickness(o.fixed_thickness, o.fixed_round_back, "fixed_thickness");
+  d.movingThickness = toThickness(o.moving_thickness, o.moving_round_back, "moving_thickness");
   d.material = toMaterial(o.material);
   if (o.moving_material) d.movingMaterial = toMaterial(*o.moving_material);
   d.strain = o.strain == GENU_STRAIN_LARGE ? gc::StrainMeasure::large : gc::StrainMeasure::small;
@@ -400,6 +464,15 @@ genu_status genu_surface_create_placed(const genu_surface* surface, const double
     const gc::Pose pose = gc::calcPose(toCoordinates(placement));
     std::vector<gc::NurbsPatch> patches;
     for (int k = 0; k < surface->surface->numPatches(); ++k) patches.push_back(surface->surface->patch(k).transformed(pose));
+    return patches;
+  });
+}
+
+genu_status genu_surface_create_flipped(const genu_surface* surface, genu_surface** out) {
+  return createSurface(out, [&] {
+    require(surface != nullptr, "surface: surface must not be NULL");
+    std::vector<gc::NurbsPatch> patches;
+    for (int k = 0; k < surface->surface->numPatches(); ++k) patches.push_back(surface->surface->patch(k).flipped());
     return patches;
   });
 }

@@ -130,9 +130,9 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
         if (!test(e, locate(e))) continue;
         const auto [level, ix, iz] = c.cell[static_cast<size_t>(e)];
         if (level > 0) continue;  // the guard below tests what is reached from finer cells only
-        for (int jx = std::max(ix - 1, 0); jx <= std::min(ix + 1, c.nx - 1); ++jx) {
+        for (int jx = c.wraps ? ix - 1 : std::max(ix - 1, 0); jx <= (c.wraps ? ix + 1 : std::min(ix + 1, c.nx - 1)); ++jx) {
           for (int jz = std::max(iz - 1, 0); jz <= std::min(iz + 1, c.nz - 1); ++jz) {
-            const int next = c.element[static_cast<size_t>(jx * c.nz + jz)];
+            const int next = c.element[static_cast<size_t>((jx + c.nx) % c.nx * c.nz + jz)];
             if (next < 0 || memory.visit[static_cast<size_t>(next)] == stamp) continue;
             memory.visit[static_cast<size_t>(next)] = stamp;
             memory.queue.push_back(next);
@@ -161,7 +161,7 @@ void ContactPair::Impl::evaluateCentre(const Law& law_, const Compartment& c, co
     const size_t i = static_cast<size_t>(a.element);
     LayerResponse r;
     if constexpr (std::is_same_v<Law, SeriesLayers>) {
-      r = law_.calcResponse(a.d_m, c.hF_m[i], a.hM_m);
+      r = withEnergy ? law_.template calcResponse<true>(a.d_m, c.hF_m[i], a.hM_m) : law_.template calcResponse<false>(a.d_m, c.hF_m[i], a.hM_m);
     } else {
       r = withEnergy ? law_.template calcResponse<true>(a.d_m, a.h_m) : law_.template calcResponse<false>(a.d_m, a.h_m);
     }

@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "detail/ContactPairImpl.h"
+#include "detail/ElementSurface.h"
 
 namespace genu::contact {
 
@@ -63,15 +64,13 @@ std::vector<GridCell> detail::findLeaves(const CompartmentDefinition& c) {
 }
 
 void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c, const Compartment* known) {
-  if (!c.fixedSurface) fail("compartment ", c.name, ": the fixed surface is missing");
-  if (!c.movingSurface) fail("compartment ", c.name, ": the moving surface is missing");
-  if (!(c.x1_m > c.x0_m) || !(c.z1_m > c.z0_m)) {
-    fail("compartment ", c.name, ": rectangle x ", c.x0_m, " .. ", c.x1_m, " m, z ", c.z0_m, " .. ", c.z1_m,
-         " m is empty; needed: x0 < x1 and z0 < z1");
-  }
-  if (c.nx < 1 || c.nz < 1 || c.nx > 10000 || c.nz > 10000) {
-    fail("compartment ", c.name, ": grid ", c.nx, "x", c.nz, " is not allowed; allowed: 1 to 10000 each way");
-  }
+  // `definition` is that of the pair as evaluated: what it calls fixed carries the grid.
+  const char* body = definition.gridOn == GridOn::fixed ? "fixed" : "moving";
+  const char* other = definition.gridOn == GridOn::fixed ? "moving" : "fixed";
+  if (!c.fixedSurface) fail("compartment ", c.name, ": the ", body, " surface is missing");
+  if (!c.movingSurface) fail("compartment ", c.name, ": the ", other, " surface is missing");
+  NodeProjector projector(c, definition.fixedThickness, definition.planeY_m);  // checks the grid's ranges and size
+  const ElementRays& rays = projector.rays();
   if (!c.refined.empty() && definition.tracking == Tracking::breadthFirstUnguarded) {
     fail("compartment ", c.name, ": has refined cells, and the unguarded breadth-first search cannot follow contact from one level "
          "of cells to another; choose another tracking");
@@ -86,71 +85,17 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c, const C
   const std::vector<GridCell> leaves = findLeaves(c);
   report.cells = static_cast<int>(leaves.size());
   out.element.assign(static_cast<size_t>(c.nx * c.nz), -1);
-  const double dx = (c.x1_m - c.x0_m) / c.nx, dz = (c.z1_m - c.z0_m) / c.nz;
-  out.cellSize_m = std::sqrt(dx * dz);
-  const Eigen::AlignedBox3d box = c.fixedSurface->boundingBox();
-  const double margin = 1e-6 * box.diagonal().norm();
-  const double bottom = box.min().y() - margin, top = box.max().y() + margin;
-  std::vector<LineHit> hits;
-  std::vector<LineHit> backHits;
+  out.wraps = rays.wraps();
   double sumThickness = 0;
   report.minThickness_m = std::numeric_limits<double>::infinity();
-
-  struct Node {
-    bool exists = false;
-    Vec3 point, normal;
-    double area = 0, h = 0;
-    ThicknessNote note = ThicknessNote::measured;
-  };
-  // Projects the centre (x, z) of a cell of sides sx and sz on the fixed surface. What goes wrong for an element is counted in
-  // the report; a node that only serves its neighbors (`isElement` false) is left out without a word.
-  const auto projectNode = [&](double x, double z, double sx, double sz, bool isElement) {
-    Node node;
-    c.fixedSurface->findLineHits(Vec3(x, bottom, z), Vec3::UnitY(), 0, top - bottom, hits);
-    const LineHit* highest = nullptr;
-    bool anyUp = false;
-    for (const LineHit& hit : hits) {
-      if (!(hit.normal.y() > 0)) continue;
-      anyUp = true;
-      if (definition.planeY_m && !(hit.point.y() > *definition.planeY_m)) continue;
-      highest = &hit;  // hits are sorted upwards
-    }
-    if (highest == nullptr) {
-      if (isElement) ++(hits.empty() ? report.missedSurface : anyUp ? report.belowPlane : report.downwardOnly);
-      return node;
-    }
-    node.point = highest->point;
-    node.normal = highest->normal;
-    if (const auto* plane = std::get_if<HeightAbovePlane>(&definition.fixedThickness.source)) {
-      if (!(node.point.y() > plane->planeY_m)) {
-        if (!isElement) return node;
-        fail("compartment ", c.name, ": the fixed surface lies at y = ", node.point.y(), " m (x = ", x, " m, z = ", z,
-             " m), not above the plane y = ", plane->planeY_m, " m from which its thickness is measured: the thickness "
-             "would be negative; lower the plane");
-      }
-    }
-    node.h = measureThickness(definition.fixedThickness, node.point, node.normal, backHits);
-    if (std::isnan(node.h)) {
-      if (!definition.fixedThickness.missing_m) {
-        if (isElement) ++report.missedBack;
-        return node;
-      }
-      node.h = *definition.fixedThickness.missing_m;
-      node.note = ThicknessNote::missed;
-    } else if (!std::holds_alternative<RigidBody>(definition.fixedThickness.source) &&
-               clampThickness(definition.fixedThickness, node.h)) {
-      node.note = ThicknessNote::clamped;
-    }
-    node.area = sx * sz / node.normal.y();
-    node.exists = true;
-    return node;
-  };
 
   // Nodes by cell: level 0 in an array (with its ring), finer ones in a map.
   constexpr int kUnknown = -2;  // not looked for yet
   std::vector<int> coarse(static_cast<size_t>((c.nx + 2) * (c.nz + 2)), kUnknown);
   std::unordered_map<std::uint64_t, int> fine;
-  const auto nodeAt = [&](const GridCell& cell) -> int& {
+  const auto nodeAt = [&](GridCell cell) -> int& {
+    const int around = c.nx << cell.level;
+    if (out.wraps) cell.ix = (cell.ix + around) % around;
     if (cell.level == 0) return coarse[static_cast<size_t>((cell.ix + 1) * (c.nz + 2) + cell.iz + 1)];
     return fine.try_emplace(keyOf(cell), kUnknown).first->second;
   };
@@ -161,22 +106,44 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c, const C
   const auto addNode = [&](const GridCell& cell, bool isElement) {
     int& index = nodeAt(cell);
     const double side = std::ldexp(1.0, -cell.level);
-    Node node;
+    ProjectedNode node;
+    ThicknessNote note = ThicknessNote::measured;
     const auto it = knownAt.find(keyOf(cell));
     if (it != knownAt.end()) {
       const auto k = static_cast<size_t>(it->second);
-      node = {true, known->p_FA[k], known->normal_F[k], known->area_m2[k], known->hF_m[k], known->note[k]};
+      node.status = NodeStatus::ok;
+      node.point = known->p_FA[k];
+      node.normal = known->normal_F[k];
+      node.area = known->area_m2[k];
+      node.h = known->hF_m[k];
+      note = known->note[k];
     } else {
-      node = projectNode(c.x0_m + (cell.ix + 0.5) * dx * side, c.z0_m + (cell.iz + 0.5) * dz * side, dx * side, dz * side, isElement);
+      node = projector.projectNode(rays.a0() + (cell.ix + 0.5) * rays.da() * side, rays.b0() + (cell.iz + 0.5) * rays.db() * side);
+      node.area *= side * side;
+      note = node.missedBack ? ThicknessNote::missed : node.clamped ? ThicknessNote::clamped : ThicknessNote::measured;
     }
-    index = node.exists ? static_cast<int>(out.numNodes()) : -1;
-    if (!node.exists) return;
+    // What goes wrong for an element is counted; a node that only serves its neighbors is left out without a word.
+    if (isElement) {
+      if (node.status == NodeStatus::underPlane) {
+        const bool up = rays.calcDirection(0, 0).y() > 0;
+        fail("compartment ", c.name, ": the ", body, " surface lies at y = ", node.point.y(), " m (x = ", node.point.x(), " m, z = ",
+             node.point.z(), " m), ", up ? "not above" : "not below", " the plane y = ",
+             std::get<HeightAbovePlane>(definition.fixedThickness.source).planeY_m, " m from which its thickness is measured: the "
+             "thickness would be negative; ", up ? "lower" : "raise", " the plane");
+      }
+      report.missedSurface += node.status == NodeStatus::missedSurface;
+      report.belowPlane += node.status == NodeStatus::behindLimit;
+      report.downwardOnly += node.status == NodeStatus::wrongSide;
+      report.missedBack += node.status == NodeStatus::missedBack;
+    }
+    index = node.status == NodeStatus::ok ? static_cast<int>(out.numNodes()) : -1;
+    if (index < 0) return;
     out.cell.push_back(cell);
     out.p_FA.push_back(node.point);
     out.normal_F.push_back(node.normal);
     out.area_m2.push_back(node.area);
     out.hF_m.push_back(node.h);
-    out.note.push_back(node.note);
+    out.note.push_back(note);
   };
 
   for (const GridCell& cell : leaves) {
@@ -193,21 +160,36 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c, const C
   }
   report.elements = out.elements = static_cast<int>(out.numNodes());
   if (out.elements == 0) {
+    const Eigen::AlignedBox3d box = c.fixedSurface->boundingBox();
     const Vec3 lo = box.min(), hi = box.max();
     if (report.downwardOnly > 0 && report.belowPlane == 0) {
-      fail("compartment ", c.name, ": all ", report.downwardOnly, " verticals that meet the fixed surface meet it from "
-           "its inner side: its normals are inverted; flip them");
+      fail("compartment ", c.name, ": all ", report.downwardOnly, rays.isPlane() ? " verticals" : " rays", " that meet the ", body,
+           " surface meet it from its inner side: its normals are inverted; flip them",
+           rays.isPlane() ? "" : ", or the element surface faces the wrong way (inward, outward)");
+    }
+    if (report.belowPlane > 0 && !rays.isPlane()) {
+      fail("compartment ", c.name, ": the ", body, " surface lies behind the limiting radius of its element surface, a ",
+           toString(c.elementSurface), "; change the radius");
+    }
+    if (report.belowPlane > 0 && rays.calcDirection(0, 0).y() < 0) {
+      fail("compartment ", c.name, ": the ", body, " surface (y ", lo.y(), " .. ", hi.y(), " m) lies at or above the element plane y = ",
+           *definition.planeY_m, " m; raise the plane");
     }
     if (report.belowPlane > 0) {
-      fail("compartment ", c.name, ": the fixed surface (y ", lo.y(), " .. ", hi.y(), " m) lies at or below the element plane y = ",
+      fail("compartment ", c.name, ": the ", body, " surface (y ", lo.y(), " .. ", hi.y(), " m) lies at or below the element plane y = ",
            *definition.planeY_m, " m; lower the plane");
     }
     if (report.missedBack > 0) {
       fail("compartment ", c.name, ": the back surface is missed from all ", report.missedBack,
            " elements; check its frame and normals");
     }
+    if (!rays.isPlane()) {
+      fail("compartment ", c.name, ": none of the ", report.cells, " rays of its element surface, a ", toString(c.elementSurface),
+           ", meets the ", body, " surface, x ", lo.x(), " .. ", hi.x(), " m, y ", lo.y(), " .. ", hi.y(), " m, z ", lo.z(), " .. ", hi.z(),
+           " m; check its centre or axis and its ranges");
+    }
     fail("compartment ", c.name, ": no overlap between the grid, x ", c.x0_m, " .. ", c.x1_m, " m, z ", c.z0_m, " .. ", c.z1_m,
-         " m, and the fixed surface, x ", lo.x(), " .. ", hi.x(), " m, z ", lo.z(), " .. ", hi.z(), " m");
+         " m, and the ", body, " surface, x ", lo.x(), " .. ", hi.x(), " m, z ", lo.z(), " .. ", hi.z(), " m");
   }
   // Then every element gets the nodes around it, at its own spacing; those that are no elements follow in order of level and place.
   std::vector<GridCell> missing;
@@ -237,6 +219,7 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c, const C
   for (size_t k = 0; k < 8; ++k) {
     out.corner_F[k] = nodes.corner(static_cast<Eigen::AlignedBox3d::CornerType>(k));
   }
+  out.cellSize_m = rays.isPlane() ? std::sqrt(rays.da() * rays.db()) : std::sqrt(report.surfaceArea_m2 / out.elements);
   report.meanThickness_m = sumThickness / static_cast<double>(out.elements);
   compartments.push_back(std::move(out));
   gridReports.push_back(report);

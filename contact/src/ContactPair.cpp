@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "detail/ContactPairImpl.h"
+#include "detail/GridOnMoving.h"
 
 namespace genu::contact {
 
@@ -50,7 +51,12 @@ LawShape makeShape(const ContactPairDefinition& d) {
 
 }  // namespace
 
-ContactPair::Impl::Impl(ContactPairDefinition d) : detail::PairData{d, makeLaw(d), makeTable(d), makeShape(d)} {}
+ContactPair::Impl::Impl(ContactPairDefinition d)
+    : detail::PairData{d.gridOn == GridOn::moving ? exchangeBodies(d) : d, makeLaw(d), nullptr}, given(std::move(d)) {
+  law = makeLaw(definition);
+  table = makeTable(definition);
+  shape = makeShape(definition);
+}
 
 ContactWorkspace::ContactWorkspace(const ContactPair& pair) : impl_(std::make_unique<Impl>()) {
   const auto& compartments = pair.impl_->compartments;
@@ -137,6 +143,7 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
   }
   impl_ = std::make_unique<Impl>(std::move(definition));
   Impl& m = *impl_;
+  const char* other = m.given.gridOn == GridOn::fixed ? "moving" : "fixed";
   for (size_t k = 0; k < m.definition.compartments.size(); ++k) {
     m.buildCompartment(m.definition.compartments[k], known ? &known->compartments[k] : nullptr);
     Impl::packCompartment(m.compartments[k]);
@@ -152,14 +159,14 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
     for (const CompartmentDefinition& c : m.definition.compartments) {
       const double low = c.movingSurface->boundingBox().min().y(), high = c.movingSurface->boundingBox().max().y();
       if (low <= plane->planeY_m && high >= plane->planeY_m) {
-        fail("thickness of the moving body: its surface, y ", low, " .. ", high, " m, crosses the plane y = ", plane->planeY_m,
+        fail("thickness of the ", other, " body: its surface, y ", low, " .. ", high, " m, crosses the plane y = ", plane->planeY_m,
              " m from which the thickness is measured; move the plane to one side of it");
       }
     }
-  } else if (std::holds_alternative<BackSurface>(moving.source)) {
+  } else if (std::holds_alternative<BackSurface>(moving.source) || std::holds_alternative<RadialThickness>(moving.source)) {
     m.movingLayer = MovingLayer::map;
     if (moving.mapSamplesU < 2 || moving.mapSamplesV < 2) {
-      fail("thickness of the moving body: map of ", moving.mapSamplesU, "x", moving.mapSamplesV, " samples; needed: at least 2x2");
+      fail("thickness of the ", other, " body: map of ", moving.mapSamplesU, "x", moving.mapSamplesV, " samples; needed: at least 2x2");
     }
     if (known) {
       m.maps = known->maps;
@@ -173,7 +180,7 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
         done.push_back(c.moving);
         if (!known) {
           m.mapReports.emplace_back();
-          m.maps.push_back(std::make_shared<const ThicknessMap>(*c.moving, moving, m.mapReports.back()));
+          m.maps.push_back(std::make_shared<const ThicknessMap>(other, *c.moving, moving, m.mapReports.back()));
         }
       }
       c.map = m.maps[index].get();
@@ -189,12 +196,12 @@ ContactPair ContactPair::withRefinedCells(std::vector<std::vector<GridCell>> ref
   if (refined.size() != impl_->compartments.size()) {
     fail("contact pair: refined cells for ", refined.size(), " compartments, but it has ", impl_->compartments.size());
   }
-  ContactPairDefinition d = impl_->definition;
+  ContactPairDefinition d = impl_->given;
   for (size_t k = 0; k < refined.size(); ++k) d.compartments[k].refined = std::move(refined[k]);
   return ContactPair(std::move(d), impl_.get());
 }
 
-const ContactPairDefinition& ContactPair::definition() const { return impl_->definition; }
+const ContactPairDefinition& ContactPair::definition() const { return impl_->given; }
 int ContactPair::numCompartments() const { return static_cast<int>(impl_->compartments.size()); }
 int ContactPair::numElements() const {
   size_t n = 0;
@@ -304,6 +311,8 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
   }
   w.hasStored = false;
   w.X_FM = calcPose(q);
+  const bool gridOnMoving = impl_->given.gridOn == GridOn::moving;
+  w.X_evaluated = gridOnMoving ? w.X_FM.inverse() : w.X_FM;
   if (++w.stamp == 0) {  // wrapped around: forget old visits
     for (CompartmentMemory& m : w.compartments) {
       std::fill(m.visit.begin(), m.visit.end(), 0u);
@@ -317,11 +326,15 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
   r.copied = false;
   for (NetLoad& load : r.compartments) load = NetLoad{};
   EvaluationTask task;
-  task.X_FM = w.X_FM;
+  task.X_FM = w.X_evaluated;
+  Vec3 v_F = Vec3::Zero(), w_F = Vec3::Zero();  // motion of M at Fo
   if (damped) {
     const SpatialVelocity V = calcSpatialVelocity(q, qdot);
-    task.w_F = V.w_FM;
-    task.v_F = V.v_FMo - V.w_FM.cross(w.X_FM.p);
+    w_F = V.w_FM;
+    v_F = V.v_FMo - w_F.cross(w.X_FM.p);
+    task.v_F = v_F;
+    task.w_F = w_F;
+    if (gridOnMoving) mapMotionToM(w.X_FM, task.v_F, task.w_F);
   }
   task.withEnergy = options.withEnergy;
   task.withStiffness = options.withStiffness;
@@ -340,9 +353,14 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
           impl_->law);
     }
   }
+  if (gridOnMoving) {
+    for (NetLoad& load : r.compartments) mapLoadFromM(w.X_FM, load);
+  }
+  r.total = sumLoads(r.compartments);
   r.stiffness.setZero();
   r.damping.setZero();
   if (options.withStiffness) {
+    if (gridOnMoving) mapStiffnessFromM(w.X_FM, v_F, w_F, r.total.forceOnM_F, r.total.momentOnM_Fo_F, task.byMotion, task.byRate);
     const Matrix6 motion = calcMotionOfCoordinates(q);
     r.stiffness = task.byMotion * motion;
     if (damped) {
@@ -350,7 +368,6 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
       r.damping = task.byRate * motion;
     }
   }
-  r.total = sumLoads(r.compartments);
   r.status = r.total.notConvergedQueries > 0       ? EvaluationStatus::notConverged
              : r.total.fullPenetrationElements > 0 ? EvaluationStatus::fullPenetration
              : r.total.extrapolatedElements > 0    ? EvaluationStatus::extrapolated
@@ -399,7 +416,7 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       f.area_m2 = c.area_m2[i];
       f.h_m = c.hF_m[i];
       const Vec3 queried = smooth ? Vec3(m.feet[i].Q[0], m.feet[i].Q[1], m.feet[i].Q[2]) : m.p_MA[i];
-      const double moved = (w.X_FM.applyInverse(c.p_FA[i]) - queried).norm();
+      const double moved = (w.X_evaluated.applyInverse(c.p_FA[i]) - queried).norm();
       f.footOnBorder = smooth ? m.feet[i].status == QueryStatus::onBoundary : m.onBorder[i] != 0;
       const double distance = smooth ? m.feet[i].distance_m : m.distance_m[i];
       f.distance_m = moved == 0 ? distance : distance - moved;
@@ -415,6 +432,9 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       f.forceDirection_F = a.direction_F;
       f.active = true;
     }
+    if (impl_->given.gridOn == GridOn::moving) {
+      for (ElementField& f : fields[k]) mapFieldFromM(w.X_FM, f);
+    }
   }
   return fields;
 }
@@ -424,7 +444,8 @@ double ContactPair::calcPower(const NetLoad& load, const SpatialVelocity& V, con
   return load.forceOnM_F.dot(velocityAtFo) + load.momentOnM_Fo_F.dot(V.w_FM);
 }
 
-std::array<double, 4> findRectangle(const ContactSurface& surface) {
+std::array<double, 4> findRectangle(const ContactSurface& surface, PlaneFacing facing) {
+  const double sign = facing == PlaneFacing::up ? 1 : -1;
   Eigen::AlignedBox3d box;
   constexpr int kSamples = 200;
   for (int k = 0; k < surface.numPatches(); ++k) {
@@ -432,11 +453,14 @@ std::array<double, 4> findRectangle(const ContactSurface& surface) {
     for (int i = 0; i <= kSamples; ++i) {
       for (int j = 0; j <= kSamples; ++j) {
         const double u = p.uMin() + (p.uMax() - p.uMin()) * i / kSamples, v = p.vMin() + (p.vMax() - p.vMin()) * j / kSamples;
-        if (p.calcNormal(u, v).y() > 0) box.extend(p.calcPoint(u, v));
+        if (sign * p.calcNormal(u, v).y() > 0) box.extend(p.calcPoint(u, v));
       }
     }
   }
-  if (box.isEmpty()) fail("fixed surface: no part of it faces upwards (+y); its normals are inverted, or it stands upright");
+  if (box.isEmpty()) {
+    fail(facing == PlaneFacing::up ? "fixed surface: no part of it faces upwards (+y)" : "surface: no part of it faces downwards (-y)",
+         "; its normals are inverted, or it stands upright");
+  }
   return {box.min().x(), box.max().x(), box.min().z(), box.max().z()};
 }
 

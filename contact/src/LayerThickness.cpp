@@ -17,6 +17,12 @@ double measureThickness(const Thickness& thickness, const Vec3& point, const Vec
     double operator()(const RigidBody&) const { return 0; }
     double operator()(const ConstantThickness& t) const { return t.h_m; }
     double operator()(const HeightAbovePlane& t) const { return std::abs(point.y() - t.planeY_m); }
+    double operator()(const RadialThickness& t) const {
+      Vec3 r = point - t.center_m;
+      if (t.axis) r -= r.dot(*t.axis) / t.axis->squaredNorm() * *t.axis;
+      const double h = r.dot(normal) < 0 ? t.radius_m - r.norm() : r.norm() - t.radius_m;  // a socket, a head
+      return h > 0 ? h : kNaN;
+    }
     double operator()(const BackSurface& t) const {
       if (t.direction == BackDirection::closest) {
         const ClosestPoint foot = t.surface->findClosestPoint(point);
@@ -49,6 +55,14 @@ void validateThickness(const char* body, const Thickness& t) {
   if (const auto* b = std::get_if<BackSurface>(&t.source)) {
     if (!b->surface) fail("thickness of the ", body, " body: the back surface is missing");
   }
+  if (const auto* r = std::get_if<RadialThickness>(&t.source)) {
+    if (!(r->radius_m > 0) || !std::isfinite(r->radius_m) || !r->center_m.allFinite()) {
+      fail("thickness of the ", body, " body: radius of its back = ", r->radius_m, " m is not allowed; allowed: > 0 m, about a finite centre");
+    }
+    if (r->axis && (!(r->axis->norm() > 0) || !r->axis->allFinite())) {
+      fail("thickness of the ", body, " body: the axis of its back has no direction; needed: a finite vector that is not zero");
+    }
+  }
   if (t.min_m && !(*t.min_m > 0)) fail("thickness of the ", body, " body: min = ", *t.min_m, " m; allowed: > 0 m");
   if (t.max_m && !(*t.max_m > 0)) fail("thickness of the ", body, " body: max = ", *t.max_m, " m; allowed: > 0 m");
   if (t.min_m && t.max_m && *t.min_m > *t.max_m) {
@@ -59,7 +73,7 @@ void validateThickness(const char* body, const Thickness& t) {
   }
 }
 
-ThicknessMap::ThicknessMap(const ContactSurface& surface, const Thickness& thickness, ThicknessMapReport& report) {
+ThicknessMap::ThicknessMap(const char* body, const ContactSurface& surface, const Thickness& thickness, ThicknessMapReport& report) {
   std::vector<LineHit> hits;
   double sum = 0;
   report.min_m = std::numeric_limits<double>::infinity();
@@ -98,7 +112,7 @@ ThicknessMap::ThicknessMap(const ContactSurface& surface, const Thickness& thick
   const int valid = thickness.missing_m ? report.samples : report.samples - report.missed;
   report.mean_m = valid > 0 ? sum / valid : 0;
   if (valid == 0) {
-    fail("thickness of the moving body: the back surface is missed by all ", report.samples,
+    fail("thickness of the ", body, " body: the back surface is missed by all ", report.samples,
          " samples; check its frame, its normals and the direction (normal or closest)");
   }
 }

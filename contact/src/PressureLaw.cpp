@@ -121,18 +121,25 @@ SeriesLayers::SeriesLayers(const Material& fixedMaterial, const Material& moving
       lawM_(makePressureLaw(movingMaterial, strain)),
       strain_(strain) {}
 
-LayerResponse SeriesLayers::calcResponse(double d, double hF, double hM) const {
-  LayerResponse result;
+template <bool WithEnergy>
+SeriesResponse SeriesLayers::calcResponse(double d, double hF, double hM) const {
+  SeriesResponse result;
   if (!(d > 0)) return result;
-  if (!(hM > 0)) return std::visit([&](const auto& l) { return l.template calcResponse<true>(d, hF); }, lawF_);
-  if (!(hF > 0)) return std::visit([&](const auto& l) { return l.template calcResponse<true>(d, hM); }, lawM_);
   const bool large = strain_ == StrainMeasure::large;
+  const auto alone = [d](const PressureLaw& law, double h) {
+    return std::visit([&](const auto& l) { return l.template calcResponse<WithEnergy>(d, h); }, law);
+  };
+  if (!(hM > 0) || !(hF > 0)) {
+    static_cast<LayerResponse&>(result) = hM > 0 ? alone(lawM_, hM) : alone(lawF_, hF);
+    result.dpdhF_PaPerM = -result.dpdd_PaPerM * calcInverse(materialF_, large, result.p_Pa).e;
+    result.dpdhM_PaPerM = -result.dpdd_PaPerM * calcInverse(materialM_, large, result.p_Pa).e;
+    return result;
+  }
   // The root lies below the pressure that either layer alone would need; bisection guards Newton.
-  double low = 0;
-  const auto alone = [&](const PressureLaw& law, double h) {
+  const auto pressureAlone = [d](const PressureLaw& law, double h) {
     return std::visit([&](const auto& l) { return l.template calcResponse<false>(d, h).p_Pa; }, law);
   };
-  double high = std::min(alone(lawF_, hF), alone(lawM_, hM));
+  double low = 0, high = std::min(pressureAlone(lawF_, hF), pressureAlone(lawM_, hM));
   double p = 0.5 * high;
   InverseResponse f{}, m{};
   for (int i = 0; i < 200; ++i) {
@@ -141,20 +148,28 @@ LayerResponse SeriesLayers::calcResponse(double d, double hF, double hM) const {
     const double g = hF * f.e + hM * m.e - d, slope = hF * f.dedp + hM * m.dedp;
     (g > 0 ? high : low) = p;
     double next = p - g / slope;
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    // A step within rounding of g ends it, also where the bracket's own end is the root.
     const bool done = std::abs(next - p) <= 4e-16 * p;
+    if (!(next > low && next < high) && !done) next = 0.5 * (low + high);
+    if (done || next == p) break;
     p = next;
-    if (done) break;
   }
   result.p_Pa = p;
   result.dpdd_PaPerM = 1 / (hF * f.dedp + hM * m.dedp);
+  result.dpdhF_PaPerM = -f.e * result.dpdd_PaPerM;
+  result.dpdhM_PaPerM = -m.e * result.dpdd_PaPerM;
   result.extrapolated = f.extrapolated || m.extrapolated;
-  // The energy of the pair is the sum of both layers' energies at the common pressure.
-  const auto energy = [&](const PressureLaw& law, double e, double h) {
-    return std::visit([&](const auto& l) { return l.template calcResponse<true>(e * h, h).energy_JPerM2; }, law);
-  };
-  result.energy_JPerM2 = energy(lawF_, f.e, hF) + energy(lawM_, m.e, hM);
+  if (WithEnergy) {
+    // The energy of the pair is the sum of both layers' energies at the common pressure.
+    const auto energy = [&](const PressureLaw& law, double e, double h) {
+      return std::visit([&](const auto& l) { return l.template calcResponse<true>(e * h, h).energy_JPerM2; }, law);
+    };
+    result.energy_JPerM2 = energy(lawF_, f.e, hF) + energy(lawM_, m.e, hM);
+  }
   return result;
 }
+
+template SeriesResponse SeriesLayers::calcResponse<true>(double, double, double) const;
+template SeriesResponse SeriesLayers::calcResponse<false>(double, double, double) const;
 
 }  // namespace genu::contact

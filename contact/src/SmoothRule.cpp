@@ -334,6 +334,17 @@ class SmoothEvaluation {
     return 0;
   }
 
+  /** One of two layers of different material beyond the range of its law, while their sum is not. */
+  bool isLayerUsedUp(size_t node) const {
+    const auto* series = std::get_if<SeriesLayers>(&impl_.law);
+    if (series == nullptr) return false;
+    const NodeField& f = memory_.field[node];
+    const double d_m = memory_.s[node] * f.c, hF_m = c_.hF_m[node];
+    // A layer is never pressed by more than both together are.
+    if (d_m <= kExtrapolationStrain * std::min(hF_m, f.hM_m)) return false;
+    return series->calcResponse<false>(d_m, hF_m, f.hM_m).extrapolated;
+  }
+
   /** What the queried elements' own nodes tell, for the status. */
   void countNodes() {
     for (const int node : memory_.nodes) {
@@ -352,7 +363,7 @@ class SmoothEvaluation {
           const double strain = memory_.s[k] * memory_.r[k];
           const bool faces = c_.normal_F[k].dot(Vec3(f.u[0], f.u[1], f.u[2])) > 0;
           load_.fullPenetrationElements += !faces || !(strain < 1);
-          load_.extrapolatedElements += strain > kExtrapolationStrain;
+          load_.extrapolatedElements += strain > kExtrapolationStrain || isLayerUsedUp(k);
         }
       }
     }

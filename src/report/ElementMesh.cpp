@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <cmath>
 #include <iterator>
 #include <map>
 #include <utility>
@@ -20,46 +22,57 @@ using contact::Vec3;
 
 namespace {
 
-/** Shared corners of one compartment: index of the point at grid corner (i, k), heights averaged over elements. */
+/** Shared corners of one compartment: index of the point at grid corner (i, k), places on the rays averaged over elements.
+ `X_FG`: pose of the body that carries the grid. */
 void appendCompartment(const CompartmentDefinition& compartment, const std::vector<ElementField>& elements,
-                       VtkMesh& mesh) {
+                       const contact::Pose& X_FG, VtkMesh& mesh) {
+  const contact::ElementRays rays(compartment);
   int finest = 0;
   for (const auto& e : elements) finest = std::max(finest, e.level);
-  // Corners are counted in cells of the finest level, in order of x, then z.
+  // Corners are counted in cells of the finest level, in order of the first coordinate, then the second.
   struct Corner {
-    double height = 0;
+    double along = 0;
     int count = 0;
     std::int32_t index = -1;
   };
   std::map<std::pair<int, int>, Corner> corners;
   const auto place = [&](const ElementField& e, int i, int k) {
     const int shift = finest - e.level;
-    return std::pair{(e.ix + i) << shift, (e.iz + k) << shift};
+    std::pair<int, int> at{(e.ix + i) << shift, (e.iz + k) << shift};
+    if (rays.wraps() && at.first == compartment.nx << finest) at.first = 0;  // one corner on both sides of the seam
+    return at;
   };
-  const double dx = (compartment.x1_m - compartment.x0_m) / compartment.nx / (1 << finest);
-  const double dz = (compartment.z1_m - compartment.z0_m) / compartment.nz / (1 << finest);
+  const auto rayOf = [&](std::pair<int, int> at) {
+    const double a = rays.a0() + std::ldexp(at.first, -finest) * rays.da(), b = rays.b0() + std::ldexp(at.second, -finest) * rays.db();
+    return std::pair(rays.calcOrigin(a, b), rays.calcDirection(a, b));
+  };
   for (const auto& e : elements) {
+    const Vec3 p_GA = X_FG.applyInverse(e.p_FA), normal_G = X_FG.R.transpose() * e.normal_F;
     for (int i = 0; i < 2; ++i) {
       for (int k = 0; k < 2; ++k) {
         const auto at = place(e, i, k);
-        const double x = compartment.x0_m + at.first * dx, z = compartment.z0_m + at.second * dz;
+        const auto [origin, direction] = rayOf(at);
         Corner& corner = corners[at];
-        corner.height +=
-            e.p_FA.y() - (e.normal_F.x() * (x - e.p_FA.x()) + e.normal_F.z() * (z - e.p_FA.z())) / e.normal_F.y();
+        corner.along += normal_G.dot(p_GA - origin) / normal_G.dot(direction);
         ++corner.count;
       }
     }
   }
   for (auto& [at, corner] : corners) {
     corner.index = static_cast<std::int32_t>(mesh.numPoints());
-    mesh.points.insert(mesh.points.end(), {compartment.x0_m + at.first * dx, corner.height / corner.count,
-                                           compartment.z0_m + at.second * dz});
+    const auto [origin, direction] = rayOf(at);
+    const Vec3 point = X_FG.apply(origin + corner.along / corner.count * direction);
+    mesh.points.insert(mesh.points.end(), {point.x(), point.y(), point.z()});
   }
+  const auto pointAt = [&mesh](std::int32_t i) { return Vec3(Eigen::Map<const Vec3>(mesh.points.data() + 3 * static_cast<size_t>(i))); };
   for (const auto& e : elements) {
-    // Counter-clockwise seen from +y: the face normal is the outward normal of the surface.
-    for (const auto& [i, k] : {std::pair{0, 0}, {0, 1}, {1, 1}, {1, 0}}) {
-      mesh.connectivity.push_back(corners.at(place(e, i, k)).index);
-    }
+    // Counter-clockwise seen from outside: the face normal is the outward normal of the surface.
+    std::array<std::int32_t, 4> quad{};
+    const std::pair<int, int> around[4] = {{0, 0}, {0, 1}, {1, 1}, {1, 0}};
+    for (size_t c = 0; c < 4; ++c) quad[c] = corners.at(place(e, around[c].first, around[c].second)).index;
+    const Vec3 faceNormal = (pointAt(quad[2]) - pointAt(quad[0])).cross(pointAt(quad[3]) - pointAt(quad[1]));
+    if (faceNormal.dot(e.normal_F) < 0) std::swap(quad[1], quad[3]);
+    mesh.connectivity.insert(mesh.connectivity.end(), quad.begin(), quad.end());
   }
 }
 
@@ -108,9 +121,11 @@ void addCellData(const std::vector<std::vector<ElementField>>& fields, bool full
 }  // namespace
 
 VtkMesh makeElementMesh(const contact::ContactPairDefinition& definition,
-                        const std::vector<std::vector<ElementField>>& fields, Precision precision) {
+                        const std::vector<std::vector<ElementField>>& fields, Precision precision,
+                        const contact::Pose& X_FM) {
   VtkMesh mesh;
-  for (size_t c = 0; c < fields.size(); ++c) appendCompartment(definition.compartments.at(c), fields[c], mesh);
+  const contact::Pose X_FG = definition.gridOn == contact::GridOn::moving ? X_FM : contact::Pose{};
+  for (size_t c = 0; c < fields.size(); ++c) appendCompartment(definition.compartments.at(c), fields[c], X_FG, mesh);
   if (precision == Precision::full) {
     addCellData<double>(fields, true, mesh);
   } else {

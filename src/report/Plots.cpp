@@ -12,6 +12,7 @@
 
 namespace genu::report {
 using contact::NetLoad;
+using contact::Vec3;
 using scene::Frame;
 
 namespace {
@@ -220,7 +221,47 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
                          const std::vector<MapPanel>& panels, bool leftKnee) {
   // Extent of the compartments [mm] and the largest pressure [MPa] of all panels.
   double x0 = std::numeric_limits<double>::infinity(), z0 = x0, x1 = -x0, z1 = -x0;
+  const auto isFlat = [&definition](const contact::CompartmentDefinition& c) {
+    return std::holds_alternative<contact::ElementPlane>(c.elementSurface) && definition.gridOn == contact::GridOn::fixed;
+  };
+  // Half the edge of a square that covers as much of the x-z plane as an element does [mm].
+  const auto calcHalfEdge = [](const contact::ElementField& e) { return 500 * std::sqrt(e.area_m2 * std::abs(e.normal_F.y())); };
+  // Middle of a compartment's elements along z [mm].
+  const auto calcMiddle = [&](size_t c, const std::vector<contact::ElementField>& fields) {
+    const contact::CompartmentDefinition& part = definition.compartments[c];
+    if (isFlat(part) || fields.empty()) return 500 * (part.z0_m + part.z1_m);
+    const auto byZ = [](const contact::ElementField& a, const contact::ElementField& b) { return a.p_FA.z() < b.p_FA.z(); };
+    const auto ends = std::minmax_element(fields.begin(), fields.end(), byZ);
+    return 500 * (ends.first->p_FA.z() + ends.second->p_FA.z());
+  };
+  // Half the edges of the rectangle that shows an element [mm]: on a round grid that of the box from its neighbours' centres, which
+  // leaves no gaps; each row of the grid is a run of elements with one ix.
+  const auto calcHalfEdges = [&](const std::vector<contact::ElementField>& fields, size_t e) {
+    const auto spread = [&](int dx, int dz) -> Vec3 {
+      const int wantX = fields[e].ix + dx, wantZ = fields[e].iz + dz;
+      const auto at = std::lower_bound(fields.begin(), fields.end(), std::pair(wantX, wantZ), [](const auto& f, const auto& cell) {
+        return std::pair(f.ix, f.iz) < cell;
+      });
+      if (at == fields.end() || at->ix != wantX || at->iz != wantZ) return Vec3::Zero();
+      return (at->p_FA - fields[e].p_FA).cwiseAbs();
+    };
+    const Vec3 along = spread(1, 0).cwiseMax(spread(-1, 0)), across = spread(0, 1).cwiseMax(spread(0, -1));
+    const double half = calcHalfEdge(fields[e]);
+    if (along.isZero(0) || across.isZero(0)) return std::pair(half, half);
+    return std::pair(500 * (along.x() + across.x()), 500 * (along.z() + across.z()));
+  };
+  for (size_t c = 0; c < definition.compartments.size(); ++c) {
+    if (isFlat(definition.compartments[c])) continue;
+    for (const auto& panel : panels) {
+      for (const auto& e : panel.fields[c]) {
+        const double half = calcHalfEdge(e);
+        x0 = std::min(x0, e.p_FA.x() * 1e3 - half), x1 = std::max(x1, e.p_FA.x() * 1e3 + half);
+        z0 = std::min(z0, e.p_FA.z() * 1e3 - half), z1 = std::max(z1, e.p_FA.z() * 1e3 + half);
+      }
+    }
+  }
   for (const auto& c : definition.compartments) {
+    if (!isFlat(c)) continue;
     x0 = std::min(x0, c.x0_m * 1e3), x1 = std::max(x1, c.x1_m * 1e3);
     z0 = std::min(z0, c.z0_m * 1e3), z1 = std::max(z1, c.z1_m * 1e3);
   }
@@ -238,9 +279,12 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
       const auto& compartment = definition.compartments[c];
       const double dx = 500 * (compartment.x1_m - compartment.x0_m) / compartment.nx;
       const double dz = 500 * (compartment.z1_m - compartment.z0_m) / compartment.nz;
-      for (const auto& e : panels[p].fields[c]) {
-        data += fmt::format("{:.6g} {:.6g} {:.6g} {:.6g} {:.6g}\n", e.p_FA.z() * 1e3, e.p_FA.x() * 1e3, dz, dx,
-                            e.p_Pa * 1e-6);
+      const bool flat = isFlat(compartment);
+      for (size_t i = 0; i < panels[p].fields[c].size(); ++i) {
+        const contact::ElementField& e = panels[p].fields[c][i];
+        const auto [halfX, halfZ] = flat ? std::pair(dx, dz) : calcHalfEdges(panels[p].fields[c], i);
+        data += fmt::format("{:.6g} {:.6g} {:.6g} {:.6g} {:.6g}\n", e.p_FA.z() * 1e3, e.p_FA.x() * 1e3,
+                            halfZ, halfX, e.p_Pa * 1e-6);
       }
     }
     io::writeFileAtomically(out.file(fmt::format("plots/{}_{}.dat", name, p + 1)), data);
@@ -292,7 +336,7 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
       // Inside the panel's upper edge, over the middle of its compartment.
       script += fmt::format("set label {} at first {:.4g}, graph 0.90 center front font ',11' tc rgb '#202020'\n",
                             quote(fmt::format("{} {:.0f} N", compartment.name, panel.loads[c].scalarForce_N)),
-                            500 * (compartment.z0_m + compartment.z1_m));
+                            calcMiddle(c, panel.fields[c]));
     }
     script += fmt::format("set title {} offset 0,-0.3\n", quote(panel.title));
     if (p + 1 < count) {

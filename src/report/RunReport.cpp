@@ -218,7 +218,7 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
       pair.evaluate(X_FM, workspace, {}, result);
       const auto fields = pair.calcFields(workspace);
       if (info.maps) {
-        VtkMesh mesh = makeElementMesh(pair.definition(), fields, Precision::single);
+        VtkMesh mesh = makeElementMesh(pair.definition(), fields, Precision::single, X_FM);
         mesh.fieldData.push_back({"TimeValue", 1, std::vector<double>{frame.time_s}});
         const std::string name = fmt::format("maps/{}_{:04}.vtp", pairName, i);
         writeVtp(out.file(name), mesh);
@@ -574,7 +574,19 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   const std::vector<std::string> names = listCompartmentNames(scene);
   for (const auto& pair : scene.contacts) {
     for (const auto& c : pair.definition.compartments) {
-      grids[names[row++]] = {{"nx", c.nx}, {"nz", c.nz}, {"rectangle_m", {c.x0_m, c.x1_m, c.z0_m, c.z1_m}}};
+      ordered_json& grid = grids[names[row++]];
+      grid = {{"nx", c.nx}, {"nz", c.nz}};
+      if (std::holds_alternative<contact::ElementPlane>(c.elementSurface)) {
+        grid["rectangle_m"] = {c.x0_m, c.x1_m, c.z0_m, c.z1_m};
+      } else if (const auto* cylinder = std::get_if<contact::ElementCylinder>(&c.elementSurface)) {
+        grid["cylinder"] = {{"angle_rad", {cylinder->angle0_rad, cylinder->angle1_rad}},
+                            {"axial_m", {cylinder->axial0_m, cylinder->axial1_m}}};
+      } else {
+        const auto& sphere = std::get<contact::ElementSphere>(c.elementSurface);
+        grid["sphere"] = {{"angle_rad", {sphere.angle0_rad, sphere.angle1_rad}},
+                          {"elevation_rad", {sphere.elevation0_rad, sphere.elevation1_rad}}};
+      }
+      if (pair.definition.gridOn == contact::GridOn::moving) grid["on"] = "moving";
     }
   }
   rusage usage{};

@@ -132,6 +132,8 @@ class SceneReader {
     YamlNode node;  ///< of the rectangle
     bool automatic;
     std::string fixedName, movingName;
+    bool gridOnMoving;
+    const std::string& gridName() const { return gridOnMoving ? movingName : fixedName; }
   };
 
   // -- files ------------------------------------------------------------------------------------------------------
@@ -237,7 +239,8 @@ class SceneReader {
       }
       std::vector<std::string> allowed = kind.empty() ? kSurfaceKinds : std::vector<std::string>{kind};
       allowed.push_back("pose");
-      if (kind == "nurbs") allowed.insert(allowed.end(), {"patches", "flip_normals"});
+      if (kind == "nurbs") allowed.push_back("patches");
+      if (!kind.empty() && !isHeightField(kind)) allowed.push_back("flip_normals");
       if (isHeightField(kind)) allowed.push_back("extent");
       definition.requireKeys(allowed);
       if (kind.empty()) definition.fail("no kind of surface is given; allowed: " + io::joinNames(kSurfaceKinds));
@@ -248,6 +251,7 @@ class SceneReader {
       if (kind != "nurbs") makeAnalytic(definition, kind, Role::fixed, 1.0);
       if (const auto pose = definition.find("pose")) parsePoseNode(*pose);
       if (const auto extent = definition.find("extent")) extent->getPositive(Dimension::length);
+      if (const auto flip = definition.find("flip_normals")) flip->getBool();
     }
     if (surfaces_.empty()) node.fail("no surface is defined; at least two are needed");
   }
@@ -371,6 +375,10 @@ class SceneReader {
       patches = readNurbs(definition.node, use.name);
     } else {
       patches = makeAnalytic(definition.node, definition.kind, role, calcHalfExtent(definition, pose));
+      const auto flip = definition.node.find("flip_normals");
+      if (flip && flip->getBool()) {  // solid outside: a socket
+        for (contact::NurbsPatch& patch : patches) patch = patch.flipped();
+      }
     }
     if (poseNode) {
       for (contact::NurbsPatch& patch : patches) patch = patch.transformed(pose);
@@ -401,8 +409,14 @@ class SceneReader {
 
   void buildSurfaces() {
     const auto widen = [this](const contact::CompartmentDefinition& c) {
-      reach_m_ = std::max(reach_m_, std::hypot(std::max(std::abs(c.x0_m), std::abs(c.x1_m)),
-                                               std::max(std::abs(c.z0_m), std::abs(c.z1_m))));
+      if (const auto* cylinder = std::get_if<contact::ElementCylinder>(&c.elementSurface)) {
+        reach_m_ = std::max(reach_m_, cylinder->point_m.norm() + std::max(std::abs(cylinder->axial0_m), std::abs(cylinder->axial1_m)));
+      } else if (const auto* sphere = std::get_if<contact::ElementSphere>(&c.elementSurface)) {
+        reach_m_ = std::max(reach_m_, sphere->center_m.norm());
+      } else {
+        reach_m_ = std::max(reach_m_, std::hypot(std::max(std::abs(c.x0_m), std::abs(c.x1_m)),
+                                                 std::max(std::abs(c.z0_m), std::abs(c.z1_m))));
+      }
     };
     for (const CompartmentPlace& place : compartments_) {
       if (!place.automatic) widen(getCompartment(place));
@@ -410,18 +424,27 @@ class SceneReader {
     // Rectangles found from surfaces come before height fields, whose extent depends on all rectangles.
     for (const CompartmentPlace& place : compartments_) {
       if (!place.automatic) continue;
-      const SurfaceDefinition& definition = surfaces_.at(place.fixedName);
+      const SurfaceDefinition& definition = surfaces_.at(place.gridName());
       if (isHeightField(definition.kind) && !definition.node.find("extent")) {
-        place.node.fail("\"auto\" needs a surface with an end; \"" + place.fixedName + "\" is a " + definition.kind +
-                        " without one: give the rectangle \"x0, x1, z0, z1\", or the surface an \"extent\"");
+        place.node.fail("\"auto\" needs a surface with an end; \"" + place.gridName() + "\" is a " + definition.kind +
+                        " without one: give the " +
+                        (isRound(getCompartment(place)) ? "ranges" : "rectangle \"x0, x1, z0, z1\"") +
+                        ", or the surface an \"extent\"");
       }
-      const SurfacePtr surface = getSurface({place.fixedName, place.node.path(), Role::fixed, nullptr});
+      const SurfacePtr surface = getSurface({place.gridName(), place.node.path(), place.gridOnMoving ? Role::moving : Role::fixed, nullptr});
       scene_.surfaces[definition.summary].usedBy.pop_back();  // it is listed as the compartment's surface below
       contact::CompartmentDefinition& c = getCompartment(place);
-      const std::array<double, 4> found = callEngine(place.node, [&] { return contact::findRectangle(*surface); });
+      if (isRound(c)) {
+        findRanges(place, *surface, c);
+        widen(c);
+        continue;
+      }
+      const contact::PlaneFacing facing = std::get<contact::ElementPlane>(c.elementSurface).facing;
+      const std::array<double, 4> found = callEngine(place.node, [&] { return contact::findRectangle(*surface, facing); });
       std::tie(c.x0_m, c.x1_m, c.z0_m, c.z1_m) = std::tie(found[0], found[1], found[2], found[3]);
       if (!(c.x1_m > c.x0_m && c.z1_m > c.z0_m)) {
-        place.node.fail("no part of surface \"" + place.fixedName + "\" faces up (+y); are its normals inverted?");
+        place.node.fail("no part of surface \"" + place.gridName() + "\" faces " +
+                        (facing == contact::PlaneFacing::up ? "up (+y)" : "down (-y)") + "; are its normals inverted?");
       }
       widen(c);
     }
@@ -442,6 +465,29 @@ class SceneReader {
     return scene_.contacts[place.contact].definition.compartments[place.compartment];
   }
 
+  static bool isRound(const contact::CompartmentDefinition& c) {
+    return !std::holds_alternative<contact::ElementPlane>(c.elementSurface);
+  }
+
+  /** Ranges of a round element surface that the scene leaves to the contact surface (NaN); those it gives are kept. */
+  void findRanges(const CompartmentPlace& place, const ContactSurface& surface, contact::CompartmentDefinition& c) {
+    const contact::ElementSurface given = c.elementSurface;
+    c.elementSurface = callEngine(place.node, [&] { return contact::findExtent(surface, given); });
+    const auto keep = [](double from, double& to) {
+      if (!std::isnan(from)) to = from;
+    };
+    if (const auto* cylinder = std::get_if<contact::ElementCylinder>(&given)) {
+      auto& found = std::get<contact::ElementCylinder>(c.elementSurface);
+      keep(cylinder->angle0_rad, found.angle0_rad), keep(cylinder->angle1_rad, found.angle1_rad);
+      keep(cylinder->axial0_m, found.axial0_m), keep(cylinder->axial1_m, found.axial1_m);
+    } else {
+      const auto& sphere = std::get<contact::ElementSphere>(given);
+      auto& found = std::get<contact::ElementSphere>(c.elementSurface);
+      keep(sphere.angle0_rad, found.angle0_rad), keep(sphere.angle1_rad, found.angle1_rad);
+      keep(sphere.elevation0_rad, found.elevation0_rad), keep(sphere.elevation1_rad, found.elevation1_rad);
+    }
+  }
+
   /** Two overlapping rectangles on the same surfaces would count their common contact twice. */
   void checkOverlaps() {
     for (size_t i = 0; i < compartments_.size(); ++i) {
@@ -449,6 +495,11 @@ class SceneReader {
         const CompartmentPlace &a = compartments_[j], &b = compartments_[i];
         if (a.contact != b.contact || a.fixedName != b.fixedName || a.movingName != b.movingName) continue;
         const contact::CompartmentDefinition &ca = getCompartment(a), &cb = getCompartment(b);
+        // Grids on round surfaces may look from different places; only equal planes are compared.
+        if (isRound(ca) || isRound(cb) || std::get<contact::ElementPlane>(ca.elementSurface).facing !=
+                                              std::get<contact::ElementPlane>(cb.elementSurface).facing) {
+          continue;
+        }
         const double dx = std::min(ca.x1_m, cb.x1_m) - std::max(ca.x0_m, cb.x0_m);
         const double dz = std::min(ca.z1_m, cb.z1_m) - std::max(ca.z0_m, cb.z0_m);
         constexpr double kTouching_m = 1e-9;
@@ -497,7 +548,7 @@ class SceneReader {
 
   void readContact(const YamlNode& node, size_t index) {
     node.requireKeys({"fixed", "moving", "material", "strain", "distance", "correction", "rule", "tracking", "copy_tolerance",
-                      "element_plane", "compartments"});
+                      "element_plane", "grid_on", "compartments"});
     ContactSpec& spec = scene_.contacts[index];
     contact::ContactPairDefinition& definition = spec.definition;
     const YamlNode fixedNode = node.get("fixed", "\"fixed: {surface: insert, thickness: 6 mm}\"");
@@ -555,6 +606,9 @@ class SceneReader {
       const bool never = tolerance->isScalar() && tolerance->getText("a length or never") == "never";
       definition.copyTolerance = never ? -1 : tolerance->getNonNegative(Dimension::length);
     }
+    if (const auto gridOn = node.find("grid_on")) {
+      definition.gridOn = gridOn->getChoice({"fixed", "moving"}) == 0 ? contact::GridOn::fixed : contact::GridOn::moving;
+    }
     if (const auto plane = node.find("element_plane")) definition.planeY_m = plane->getQuantity(Dimension::length);
 
     const YamlNode compartments = node.get("compartments", "\"compartments: {all: {rectangle: auto, grid: 30x30}}\"");
@@ -581,12 +635,12 @@ class SceneReader {
   contact::Thickness readThickness(const YamlNode& node, size_t contact, Role role) {
     contact::Thickness thickness;
     if (!node.isMap()) {
-      if (node.getText("none, a length (\"6 mm\"), {height_above: 0 mm} or {back: surface}") == "none")
+      if (node.getText("none, a length (\"6 mm\"), {height_above: 0 mm}, {back: surface} or {radial: {radius: 27 mm}}") == "none")
         return thickness;
       thickness.source = contact::ConstantThickness{node.getPositive(Dimension::length)};
       return thickness;
     }
-    const std::vector<std::string> sources = {"constant", "height_above", "back"};
+    const std::vector<std::string> sources = {"constant", "height_above", "back", "radial"};
     std::optional<YamlNode> source;
     std::string kind;
     for (const auto& [key, value] : node.items()) {
@@ -597,13 +651,21 @@ class SceneReader {
     }
     std::vector<std::string> allowed = kind.empty() ? sources : std::vector<std::string>{kind};
     allowed.insert(allowed.end(), {"min", "max", "map_samples"});
-    if (kind.empty() || kind == "back") allowed.insert(allowed.end(), {"along", "missing"});
+    if (kind.empty() || kind == "back") allowed.insert(allowed.end(), {"along"});
+    if (kind.empty() || kind == "back" || kind == "radial") allowed.push_back("missing");
     node.requireKeys(allowed);
     if (!source) node.fail("says nothing about the layer; allowed: " + io::joinNames(sources));
     if (kind == "constant") {
       thickness.source = contact::ConstantThickness{source->getPositive(Dimension::length)};
     } else if (kind == "height_above") {
       thickness.source = contact::HeightAbovePlane{source->getQuantity(Dimension::length)};
+    } else if (kind == "radial") {
+      source->requireKeys({"radius", "center", "axis"});
+      contact::RadialThickness radial;
+      radial.radius_m = source->get("radius", "\"radius: 27 mm\"").getPositive(Dimension::length);
+      if (const auto center = source->find("center")) radial.center_m = readPoint(*center);
+      if (const auto axis = source->find("axis")) radial.axis = readDirection(*axis);
+      thickness.source = radial;
     } else {
       contact::BackSurface back;
       if (const auto along = node.find("along")) {
@@ -630,11 +692,102 @@ class SceneReader {
     return thickness;
   }
 
-  void readCompartment(const YamlNode& node, size_t contact, size_t index, const Side& fixed, const Side& moving) {
-    node.requireKeys({"rectangle", "grid", "fixed", "moving"});
-    contact::CompartmentDefinition& definition = scene_.contacts[contact].definition.compartments[index];
-    const YamlNode rectangle =
-        node.get("rectangle", "\"rectangle: -5 mm, 5 mm, -5 mm, 5 mm\" (x0, x1, z0, z1) or auto");
+  contact::Vec3 readPoint(const YamlNode& node) {
+    const auto values = node.getList(3, "\"x, y, z\" with units");
+    return {values[0].getQuantity(Dimension::length), values[1].getQuantity(Dimension::length), values[2].getQuantity(Dimension::length)};
+  }
+
+  /** "z", "-y" or three numbers. */
+  contact::Vec3 readDirection(const YamlNode& node) {
+    if (node.isScalar()) {
+      const std::string text = node.getText("a direction: x, y, z, -x, -y, -z, or three numbers");
+      const std::string axis = text.size() == 2 && text[0] == '-' ? text.substr(1) : text;
+      if (axis == "x" || axis == "y" || axis == "z") {
+        return (text == axis ? 1.0 : -1.0) * contact::Vec3::Unit(axis[0] - 'x');
+      }
+      if (text.find(',') == std::string::npos) {
+        node.fail("\"" + text + "\" is no direction; allowed: x, y, z, -x, -y, -z, or three numbers \"0, 0.5, 1\"");
+      }
+    }
+    const auto values = node.getList(3, "x, y, z, -x, -y, -z, or three numbers");
+    contact::Vec3 direction;
+    for (int k = 0; k < 3; ++k) direction[k] = values[static_cast<size_t>(k)].getQuantity(Dimension::dimensionless);
+    if (!(direction.norm() > 0)) node.fail("is 0, 0, 0; a direction is needed");
+    return direction;
+  }
+
+  /** "low, high", or auto (NaN). Returns whether it was given. */
+  bool readRange(const YamlNode& node, const char* key, Dimension dimension, const char* example, double& low, double& high) {
+    low = high = std::numeric_limits<double>::quiet_NaN();
+    const auto range = node.find(key);
+    if (!range || (range->isScalar() && range->getText("a range") == "auto")) return false;
+    const auto values = range->getList(2, std::string("\"low, high\" with units (\"") + example + "\"), or auto,");
+    low = values[0].getQuantity(dimension);
+    high = values[1].getQuantity(dimension);
+    if (!(low < high)) range->fail("the first value is not below the second; the order is low, high");
+    return true;
+  }
+
+  /** Keys that cylinders and spheres share. Returns whether the angle was given. */
+  template <class Round>
+  bool readRound(const YamlNode& node, contact::Vec3& center, const char* centerKey, Round& round) {
+    if (const auto at = node.find(centerKey)) center = readPoint(*at);
+    if (const auto axis = node.find("axis")) round.axis = readDirection(*axis);
+    if (const auto zero = node.find("zero")) round.zero = readDirection(*zero);
+    round.facing = node.get("facing", "\"facing: inward\" (a socket) or \"facing: outward\" (a head, a condyle)")
+                               .getChoice({"inward", "outward"}) == 0
+                       ? contact::RoundFacing::inward
+                       : contact::RoundFacing::outward;
+    if (const auto limit = node.find("limit_radius")) round.radius_m = limit->getPositive(Dimension::length);
+    const bool given = readRange(node, "angle", Dimension::angle, "-40 deg, 40 deg", round.angle0_rad, round.angle1_rad);
+    constexpr double kFullTurn = 2 * contact::kPi, kSlack = 1e-9;
+    if (given && round.angle1_rad - round.angle0_rad > kFullTurn + kSlack) {
+      node.get("angle", "").fail("is more than a full turn; allowed: at most 360 deg");
+    }
+    return given;
+  }
+
+  /** Where a compartment's grid is laid out. Returns the node to blame and whether something is left to the surface. */
+  std::pair<YamlNode, bool> readElementSurface(const YamlNode& node, bool gridOnMoving, contact::CompartmentDefinition& definition) {
+    const std::vector<std::string> kinds = {"rectangle", "cylinder", "sphere"};
+    std::vector<std::string> given;
+    for (const auto& [key, value] : node.items()) {
+      if (std::find(kinds.begin(), kinds.end(), key) != kinds.end()) given.push_back(key);
+      if (given.size() > 1) value.fail("elements lie on one surface: \"" + given[0] + "\" was given already");
+    }
+    if (!given.empty() && given[0] != "rectangle") {
+      if (const auto facing = node.find("facing")) {
+        facing->fail("here it is for a rectangle; a " + given[0] + " has its own: \"" + given[0] + ": {facing: inward}\"");
+      }
+    }
+    if (const auto place = node.find("cylinder")) {
+      place->requireKeys({"point", "axis", "zero", "facing", "angle", "axial", "limit_radius"});
+      contact::ElementCylinder cylinder;
+      bool complete = readRound(*place, cylinder.point_m, "point", cylinder);
+      complete &= readRange(*place, "axial", Dimension::length, "-10 mm, 10 mm", cylinder.axial0_m, cylinder.axial1_m);
+      definition.elementSurface = cylinder;
+      return {*place, !complete};
+    }
+    if (const auto place = node.find("sphere")) {
+      place->requireKeys({"center", "axis", "zero", "facing", "angle", "elevation", "limit_radius"});
+      contact::ElementSphere sphere;
+      bool complete = readRound(*place, sphere.center_m, "center", sphere);
+      const bool elevation =
+          readRange(*place, "elevation", Dimension::angle, "-40 deg, 40 deg", sphere.elevation0_rad, sphere.elevation1_rad);
+      if (elevation && !(sphere.elevation0_rad > -0.5 * contact::kPi && sphere.elevation1_rad < 0.5 * contact::kPi)) {
+        place->get("elevation", "").fail("reaches a pole of the grid; allowed: between -90 deg and 90 deg (turn the axis away)");
+      }
+      definition.elementSurface = sphere;
+      return {*place, !(complete && elevation)};
+    }
+    contact::ElementPlane plane;
+    plane.facing = gridOnMoving ? contact::PlaneFacing::down : contact::PlaneFacing::up;
+    if (const auto facing = node.find("facing")) {
+      plane.facing = facing->getChoice({"up", "down"}) == 0 ? contact::PlaneFacing::up : contact::PlaneFacing::down;
+    }
+    definition.elementSurface = plane;
+    const YamlNode rectangle = node.get("rectangle", "\"rectangle: -5 mm, 5 mm, -5 mm, 5 mm\" (x0, x1, z0, z1) or auto, or a "
+                                                     "cylinder or sphere");
     const bool automatic = rectangle.isScalar() && rectangle.getText("a rectangle") == "auto";
     if (!automatic) {
       const auto values = rectangle.getList(4, "\"x0, x1, z0, z1\" with units, or auto,");
@@ -651,6 +804,14 @@ class SceneReader {
       requireOrder("x", definition.x0_m, definition.x1_m);
       requireOrder("z", definition.z0_m, definition.z1_m);
     }
+    return {rectangle, automatic};
+  }
+
+  void readCompartment(const YamlNode& node, size_t contact, size_t index, const Side& fixed, const Side& moving) {
+    node.requireKeys({"rectangle", "facing", "cylinder", "sphere", "grid", "fixed", "moving"});
+    contact::CompartmentDefinition& definition = scene_.contacts[contact].definition.compartments[index];
+    const bool gridOnMoving = scene_.contacts[contact].definition.gridOn == contact::GridOn::moving;
+    const auto [rectangle, automatic] = readElementSurface(node, gridOnMoving, definition);
     if (const auto grid = node.find("grid")) std::tie(definition.nx, definition.nz) = parseGridNode(*grid);
     if (options_.gridOverride) std::tie(definition.nx, definition.nz) = *options_.gridOverride;
     const auto use = [&](const char* key, const Side& side, Role role, SurfacePtr* target) {
@@ -665,7 +826,7 @@ class SceneReader {
     };
     const std::string fixedName = use("fixed", fixed, Role::fixed, &definition.fixedSurface);
     const std::string movingName = use("moving", moving, Role::moving, &definition.movingSurface);
-    compartments_.push_back({contact, index, rectangle, automatic, fixedName, movingName});
+    compartments_.push_back({contact, index, rectangle, automatic, fixedName, movingName, gridOnMoving});
   }
 
   // -- functions of time ------------------------------------------------------------------------------------------

@@ -51,6 +51,36 @@ TEST_P(Allocation, EvaluationAllocatesNothing) {
   expectNoAllocation(GetParam(), defaults.rule, defaults.distance);
 }
 TEST_P(Allocation, RayFiringAllocatesNothing) { expectNoAllocation(GetParam(), ContactRule::centre, DistanceMethod::ray); }
+TEST_P(Allocation, NorWithTheGridOnTheMovingBody) {
+  std::vector<NurbsPatch> condyle;
+  condyle.emplace_back(makeCondyle());
+  auto d = makeScene(share(makePlane(0.008, 0, 0, Solid::below, 0.05)), share(condyle), constantThickness(0.008), uhmwpePowerLaw(), 0.012, 30);
+  d.movingThickness = constantThickness(0.002);
+  d.movingMaterial = cartilage();
+  d.strain = StrainMeasure::large;
+  d.gridOn = GridOn::moving;
+  d.tracking = GetParam();
+  ElementCylinder cylinder;
+  cylinder.angle0_rad = -0.6;
+  cylinder.angle1_rad = 0.6;
+  cylinder.axial0_m = -0.012;
+  cylinder.axial1_m = 0.012;
+  d.compartments[0].elementSurface = cylinder;
+  const ContactPair pair(d);
+  ContactWorkspace workspace(pair);
+  ContactResult result;
+  ContactPair::Options options;
+  options.withStiffness = options.withEnergy = true;
+  pair.evaluate(JointCoordinates{0, 0, 0, 0, 0.0405, 0}, workspace, options, result);
+  const long before = allocations;
+  int active = 0;
+  for (int i = 1; i < 20; ++i) {
+    pair.evaluate(JointCoordinates{0.001 * i, 0, -0.01 * i, 0, 0.0405 - 0.0002 * (i % 7), 0}, workspace, options, result);
+    active += result.total.activeElements;
+  }
+  EXPECT_EQ(allocations - before, 0);
+  EXPECT_GT(active, 0);
+}
 
 INSTANTIATE_TEST_SUITE_P(Modes, Allocation, testing::Values(Tracking::all, Tracking::lipschitz, Tracking::breadthFirst));
 

@@ -134,7 +134,7 @@ TEST(SeriesLayers, OfOneMaterialIsOneLayerOfSummedThickness) {
       const SeriesLayers series(m, m, strain);
       const PressureLaw single = makePressureLaw(m, strain);
       for (const double d : {1e-7, 1e-4, 1e-3, 2.5e-3}) {
-        const auto a = series.calcResponse(d, 0.002, 0.001), b = respond(single, d, 0.003);
+        const LayerResponse a = series.calcResponse(d, 0.002, 0.001), b = respond(single, d, 0.003);
         EXPECT_NEAR(a.p_Pa / b.p_Pa, 1, 1e-12);
         EXPECT_NEAR(a.dpdd_PaPerM / b.dpdd_PaPerM, 1, 1e-11);
         EXPECT_NEAR(a.energy_JPerM2 / b.energy_JPerM2, 1, 1e-11);

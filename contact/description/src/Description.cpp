@@ -192,6 +192,7 @@ Surface makeSurface(const Json& json, const std::string& where) {
   const Keys kinds = {"nurbs", "plane", "dish", "paraboloid", "sphere", "cylinder", "ellipsoid", "torus"};
   Keys allowed = kinds;
   allowed.push_back("placement");
+  allowed.push_back("flip");
   requireObject(json, where, allowed);
   std::string kind;
   for (const char* candidate : kinds) {
@@ -240,6 +241,11 @@ Surface makeSurface(const Json& json, const std::string& where) {
     check(genu_surface_create_torus(number("radius_sagittal"), number("radius_frontal"), &made), here);
   }
   Surface surface(made);
+  if (json.contains("flip") && toBool(json["flip"], at(where, "flip"))) {
+    genu_surface* flipped = nullptr;
+    check(genu_surface_create_flipped(surface.get(), &flipped), at(where, "flip"));
+    surface.reset(flipped);
+  }
   if (json.contains("placement")) {
     const std::string placementAt = at(where, "placement");
     const std::vector<double> q = toNumbers(
@@ -272,12 +278,64 @@ class Surfaces {
   std::map<std::string, Surface> made_;
 };
 
-genu_thickness readThickness(const Json& description, const char* key, const Surfaces& surfaces) {
+void readVector(const Json& json, const std::string& where, double out[3]) {
+  const std::vector<double> v = toNumbers(toList(json, where, 3, "three numbers"), where);
+  for (size_t k = 0; k < 3; ++k) out[k] = v[k];
+}
+/** A direction: zeros mean the default in the C interface, so they are refused here. */
+void readDirection(const Json& json, const std::string& where, double out[3]) {
+  readVector(json, where, out);
+  if (out[0] == 0 && out[1] == 0 && out[2] == 0) refuse(json, where, "three numbers, not all 0");
+}
+void readRange(const Json& json, const std::string& where, double& low, double& high, const char* unit) {
+  const Json& ends = toList(json, where, 2, ("[from, to] in " + std::string(unit)).c_str());
+  low = toNumber(ends[0], at(where, 0));
+  high = toNumber(ends[1], at(where, 1));
+  if (!(low < high)) refuse(ends, where, "[from, to] with from < to");
+}
+
+/** The element surface of a compartment; true where it is round, so that the compartment needs no x and z. */
+bool readElementSurface(const Json& c, const std::string& where, bool onMoving, genu_element_surface& out) {
+  out = {};
+  const bool cylinder = c.contains("cylinder"), sphere = c.contains("sphere");
+  if (cylinder && sphere) fail(where, "has two element surfaces, cylinder and sphere; allowed: one");
+  if (!cylinder && !sphere) {
+    const bool down = c.contains("facing") ? toChoice(c["facing"], at(where, "facing"), {"up", "down"}) == 1 : onMoving;
+    out.kind = down ? GENU_ELEMENTS_PLANE_DOWN : GENU_ELEMENTS_PLANE_UP;
+    return false;
+  }
+  for (const char* key : {"x", "z", "facing"}) {
+    if (c.contains(key)) fail(at(where, key), std::string("belongs to a plane; the element surface is a ") + (cylinder ? "cylinder" : "sphere"));
+  }
+  const std::string here = at(where, cylinder ? "cylinder" : "sphere");
+  const Json& j = c[cylinder ? "cylinder" : "sphere"];
+  requireObject(j, here, {"center", "axis", "zero", "facing", "angle", cylinder ? "axial" : "elevation", "limit_radius"});
+  const bool inward = toChoice(get(j, here, "facing"), at(here, "facing"), {"outward", "inward"}) == 1;
+  out.kind = cylinder ? (inward ? GENU_ELEMENTS_CYLINDER_INWARD : GENU_ELEMENTS_CYLINDER_OUTWARD)
+                      : (inward ? GENU_ELEMENTS_SPHERE_INWARD : GENU_ELEMENTS_SPHERE_OUTWARD);
+  if (j.contains("center")) readVector(j["center"], at(here, "center"), out.center);
+  if (j.contains("axis")) readDirection(j["axis"], at(here, "axis"), out.axis);
+  if (j.contains("zero")) readDirection(j["zero"], at(here, "zero"), out.zero);
+  readRange(get(j, here, "angle"), at(here, "angle"), out.angle[0], out.angle[1], "rad");
+  if (cylinder) {
+    readRange(get(j, here, "axial"), at(here, "axial"), out.axial[0], out.axial[1], "m");
+  } else {
+    readRange(get(j, here, "elevation"), at(here, "elevation"), out.elevation[0], out.elevation[1], "rad");
+  }
+  if (j.contains("limit_radius")) {
+    out.limit_radius = toNumber(j["limit_radius"], at(here, "limit_radius"));
+    if (!(out.limit_radius > 0)) refuse(j["limit_radius"], at(here, "limit_radius"), "> 0 [m]");
+  }
+  return true;
+}
+
+genu_thickness readThickness(const Json& description, const char* key, const Surfaces& surfaces, genu_round_back& round) {
   genu_thickness out = {};
+  round = {};
   if (!description.contains(key)) return out;
   const Json& j = description[key];
   const std::string where = key;
-  const Keys kinds = {"constant", "above_plane", "back_closest", "back_normal"};
+  const Keys kinds = {"constant", "above_plane", "back_closest", "back_normal", "radial"};
   Keys allowed = kinds;
   for (const char* more : {"min", "max", "missing", "map_samples"}) allowed.push_back(more);
   requireObject(j, where, allowed);
@@ -288,6 +346,13 @@ genu_thickness readThickness(const Json& description, const char* key, const Sur
     out.kind = static_cast<genu_thickness_kind>(k + 1);
     if (k < 2) {
       out.value = toNumber(j[kinds[k]], at(where, kinds[k]));
+    } else if (k == 4) {
+      const Json& back = j[kinds[k]];
+      const std::string here = at(where, kinds[k]);
+      requireObject(back, here, {"radius", "center", "axis"});
+      out.value = toNumber(get(back, here, "radius"), at(here, "radius"));
+      if (back.contains("center")) readVector(back["center"], at(here, "center"), round.center);
+      if (back.contains("axis")) readDirection(back["axis"], at(here, "axis"), round.axis);
     } else {
       out.back = surfaces.find(j[kinds[k]], at(where, kinds[k]));
     }
@@ -336,28 +401,25 @@ genu_status createFromJson(const char* text, genu_pair** out) {
   }
   requireObject(j, "", {"genu_contact", "surfaces", "compartments", "element_plane_y", "fixed_thickness",
                         "moving_thickness", "material", "moving_material", "strain", "distance", "correction", "rule",
-                        "tracking", "copy_tolerance"});
+                        "tracking", "copy_tolerance", "grid_on"});
   toInteger(get(j, "", "genu_contact"), "genu_contact", 1, 1);  // version of the format
   const Surfaces surfaces(get(j, "", "surfaces"));
 
   const Json& list = toList(get(j, "", "compartments"), "compartments", 0, "a list of at least one compartment");
   std::deque<std::string> names;  // keeps their addresses
   std::vector<genu_compartment> compartments;
+  std::vector<genu_element_surface> elements(list.size());
+  const auto gridOn = static_cast<genu_grid_on>(choiceOr(j, "", "grid_on", {"fixed", "moving"}));
   for (size_t k = 0; k < list.size(); ++k) {
     const Json& c = list[k];
     const std::string where = at("compartments", k);
-    requireObject(c, where, {"name", "x", "z", "grid", "fixed", "moving"});
+    requireObject(c, where, {"name", "x", "z", "facing", "cylinder", "sphere", "grid", "fixed", "moving"});
     genu_compartment made = {};
     if (c.contains("name")) made.name = names.emplace_back(toText(c["name"], at(where, "name"))).c_str();
-    const auto range = [&](const char* key, double& low, double& high) {
-      const std::string here = at(where, key);
-      const Json& ends = toList(get(c, where, key), here, 2, "[from, to] in m");
-      low = toNumber(ends[0], at(here, 0));
-      high = toNumber(ends[1], at(here, 1));
-      if (!(low < high)) refuse(ends, here, "[from, to] with from < to");
-    };
-    range("x", made.x0, made.x1);
-    range("z", made.z0, made.z1);
+    if (!readElementSurface(c, where, gridOn == GENU_GRID_ON_MOVING, elements[k])) {
+      readRange(get(c, where, "x"), at(where, "x"), made.x0, made.x1, "m");
+      readRange(get(c, where, "z"), at(where, "z"), made.z0, made.z1, "m");
+    }
     const std::string gridAt = at(where, "grid");
     const Json& grid = toList(get(c, where, "grid"), gridAt, 2, "[elements along x, along z]");
     made.nx = toInteger(grid[0], at(gridAt, 0), 1, 4000);
@@ -367,14 +429,19 @@ genu_status createFromJson(const char* text, genu_pair** out) {
     compartments.push_back(made);
   }
 
+  genu_round_back fixedBack, movingBack;
   genu_pair_options options;
   genu_pair_options_init(&options, sizeof options);
   options.compartments = compartments.data();
   options.num_compartments = static_cast<int>(compartments.size());
   options.use_element_plane = j.contains("element_plane_y");
   options.element_plane_y = numberOr(j, "", "element_plane_y", 0);
-  options.fixed_thickness = readThickness(j, "fixed_thickness", surfaces);
-  options.moving_thickness = readThickness(j, "moving_thickness", surfaces);
+  options.fixed_thickness = readThickness(j, "fixed_thickness", surfaces, fixedBack);
+  options.moving_thickness = readThickness(j, "moving_thickness", surfaces, movingBack);
+  options.fixed_round_back = &fixedBack;
+  options.moving_round_back = &movingBack;
+  options.grid_on = gridOn;
+  options.element_surfaces = elements.data();
   options.material = readMaterial(get(j, "", "material"), "material");
   genu_material second;
   if (j.contains("moving_material")) {

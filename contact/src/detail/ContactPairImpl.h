@@ -33,7 +33,8 @@ enum class ThicknessNote : unsigned char { measured, clamped, missed };
 struct Compartment {
   std::string name;
   int nx = 0, nz = 0;
-  double cellSize_m = 0;  // square root of dx dz
+  bool wraps = false;     // a full turn: elements ix = 0 and ix = nx - 1 are neighbors
+  double cellSize_m = 0;  // square root of dx dz, or of the mean element area on a round element surface
   const ContactSurface* moving = nullptr;
   const ThicknessMap* map = nullptr;
   std::unique_ptr<DistancePredictor> predictor;  // smooth rule
@@ -118,7 +119,7 @@ struct EvaluationTask {
 
 /** What the element loops read. */
 struct PairData {
-  ContactPairDefinition definition;
+  ContactPairDefinition definition;  // bodies exchanged where the grid is on the moving body (GridOnMoving.h)
   std::variant<LinearLayer, PowerLawLayer, SeriesLayers> law;
   std::unique_ptr<PressureTable> table;  // smooth rule and a nonlinear law of one material
   LawShape shape{};
@@ -133,6 +134,7 @@ bool calcThicknessSlopeInM(const PairData& impl, const Compartment& c, const Tra
 }  // namespace detail
 
 struct ContactPair::Impl : detail::PairData {
+  ContactPairDefinition given;  // as the user gave it
   std::vector<detail::Compartment> compartments;
   std::vector<GridReport> gridReports;
   std::vector<ThicknessMapReport> mapReports;
@@ -162,7 +164,8 @@ struct ContactWorkspace::Impl {
   ContactResult stored;
   bool hasStored = false, storedWithEnergy = false, storedWithStiffness = false;
   const TaskRunner* runner = nullptr;
-  Pose X_FM;
+  Pose X_FM;         // of the last evaluation
+  Pose X_evaluated;  // X_FM, or its inverse where the grid is on the moving body
   unsigned stamp = 0;
 };
 

@@ -29,7 +29,7 @@ void validateThickness(const char* body, const Thickness& thickness);
 /** Layer of the moving body over (u, v) of each patch, sampled once, bilinear in between [BF2004 §2.2]. */
 class ThicknessMap {
  public:
-  ThicknessMap(const ContactSurface& surface, const Thickness& thickness, ThicknessMapReport& report);
+  ThicknessMap(const char* body, const ContactSurface& surface, const Thickness& thickness, ThicknessMapReport& report);
 
   /** h and its slopes with respect to u and v; NaN next to a missing sample. */
   double interpolate(int patch, double u, double v, double& dhdu, double& dhdv) const {

@@ -55,6 +55,39 @@ double force(const Pair& pair, double y = 0.0358) {
   return result.total.force_on_moving[1];
 }
 
+const std::string kHip = R"({
+  "genu_contact": 1,
+  "surfaces": {"socket": {"sphere": {"radius": 0.025}, "flip": true}, "head": {"sphere": {"radius": 0.024}}},
+  "compartments": [
+    {"sphere": {"facing": "inward", "angle": [-0.7, 0.7], "elevation": [-0.7, 0.7]}, "grid": [40, 40], "fixed": "socket", "moving": "head"}
+  ],
+  "fixed_thickness": {"radial": {"radius": 0.027}},
+  "material": {"youngs_modulus": 463e6, "poisson_ratio": 0.46}
+})";
+
+// Round element surfaces. The closed form is CupTest's; here: the same numbers whichever way the socket is described.
+TEST(Description, HeadInASocket) {
+  const double hip = force(create(kHip), -0.0012);
+  EXPECT_GT(hip, 1000);
+  EXPECT_EQ(force(create(replaced(kHip, R"({"radial": {"radius": 0.027}})", R"({"radial": {"radius": 0.027, "center": [0, 0, 0]}})")), -0.0012), hip);
+  EXPECT_NEAR(force(create(replaced(kHip, R"({"radial": {"radius": 0.027}})", R"({"constant": 0.002})")), -0.0012) / hip, 1, 1e-12);
+  const std::string turned = replaced(kHip, R"("facing": "inward",)", R"("facing": "inward", "axis": [2, 0, 0], "zero": [0, -1, 0],)");
+  EXPECT_NEAR(force(create(turned), -0.0012) / hip, 1, 1e-9);
+  // On the head: more by (2/3) D (1/R1 + 1/R2) to leading order (theory.md), 1.1 %.
+  const std::string onHead = replaced(replaced(kHip, R"("facing": "inward")", R"("facing": "outward")"), R"("genu_contact": 1,)",
+                                      R"("genu_contact": 1, "grid_on": "moving",)");
+  EXPECT_NEAR(force(create(onHead), -0.0012) / hip, 1.0109, 0.001);
+  const auto refusal = [](const std::string& text) {
+    genu_pair* pair = nullptr;
+    EXPECT_EQ(genu_pair_create_from_json(text.c_str(), &pair), GENU_BAD_ARGUMENT);
+    return std::string(genu_last_error());
+  };
+  EXPECT_THAT(refusal(replaced(kHip, R"("facing": "inward")", R"("facing": "inside")")), HasSubstr("compartments[0].sphere.facing"));
+  EXPECT_THAT(refusal(replaced(kHip, R"("facing": "inward",)", "")), HasSubstr("compartments[0].sphere.facing: missing"));
+  EXPECT_THAT(refusal(replaced(kHip, R"("grid": [)", R"("x": [0, 1], "grid": [)")), HasSubstr("belongs to a plane"));
+  EXPECT_THAT(refusal(replaced(kHip, R"("facing": "inward",)", R"("facing": "inward", "axis": [0, 0, 0],)")), HasSubstr("not all 0"));
+}
+
 // Reference cases R1 to R3; 35 cells per contact radius err by 35^-2.5 = 1.4e-4 at most.
 TEST(Description, SphereOnLayer) {
   const Pair pair = create(kSphereOnLayer);

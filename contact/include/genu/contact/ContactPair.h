@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "genu/contact/ContactSurface.h"
+#include "genu/contact/ElementSurface.h"
 #include "genu/contact/PressureLaw.h"
 #include "genu/contact/TaskRunner.h"
 #include "genu/contact/Types.h"
@@ -31,26 +32,35 @@ struct BackSurface {
   std::shared_ptr<const ContactSurface> surface;  ///< in the body's frame
   BackDirection direction = BackDirection::normal;
 };
+/** Distance to a round back: a sphere about `center_m`, or a cylinder about `axis` through it. The back lies behind the contact
+ surface, seen against its outward normal; where it does not, the element has no thickness. */
+struct RadialThickness {
+  double radius_m = 0;  ///< > 0
+  Vec3 center_m = Vec3::Zero();
+  std::optional<Vec3> axis;  ///< of a cylinder; absent: sphere
+};
 struct Thickness {
-  std::variant<RigidBody, ConstantThickness, HeightAbovePlane, BackSurface> source = RigidBody{};
+  std::variant<RigidBody, ConstantThickness, HeightAbovePlane, BackSurface, RadialThickness> source = RigidBody{};
   std::optional<double> min_m, max_m;  ///< clamps, applied last; a missed line stays missed unless missing_m is set
   std::optional<double> missing_m;     ///< thickness used where the back surface is missed
   int mapSamplesU = 65, mapSamplesV = 65;  ///< (u, v) map of a moving body, per patch
 };
 
 /** A cell of a grid that is refined locally: level 0 are the nx by nz cells of the rectangle, each level halves the sides.
- Cell (level, ix, iz) covers x0 + [ix, ix + 1] (x1 - x0) / (nx 2^level), the same in z. */
+ Cell (level, ix, iz) covers x0 + [ix, ix + 1] (x1 - x0) / (nx 2^level), the same in z; likewise in the coordinates of round element
+ surfaces. */
 struct GridCell {
   int level = 0, ix = 0, iz = 0;
   bool operator==(const GridCell& o) const { return level == o.level && ix == o.ix && iz == o.iz; }
 };
 constexpr int kMaxGridLevel = 12;
 
-/** One rectangular grid of elements on the plane y = planeY of F, projected along +y onto the fixed surface. */
+/** One grid of nx by nz elements on an element surface of the body that carries the grid (ContactPairDefinition::gridOn), in
+ that body's frame, projected onto its contact surface. */
 struct CompartmentDefinition {
   std::string name;
-  double x0_m = 0, x1_m = 0, z0_m = 0, z1_m = 0;
-  int nx = 30, nz = 30;
+  double x0_m = 0, x1_m = 0, z0_m = 0, z1_m = 0;  ///< of a plane; round element surfaces carry their own ranges
+  int nx = 30, nz = 30;                           ///< elements along x and z, or along the angle and the other coordinate
   /** Cells that are split in four, in any order; one of level L > 0 needs its parent (L - 1, ix / 2, iz / 2) in the list, and
    L < kMaxGridLevel. Empty: the plain grid. Every element is integrated over a stencil of its own level, so that levels may
    differ by any number between neighbors; Tracking::breadthFirstUnguarded cannot cross from one level to another and is
@@ -58,7 +68,12 @@ struct CompartmentDefinition {
   std::vector<GridCell> refined;
   std::shared_ptr<const ContactSurface> fixedSurface;   ///< in F
   std::shared_ptr<const ContactSurface> movingSurface;  ///< in M
+  ElementSurface elementSurface = ElementPlane{};
 };
+
+/** Which body's contact surface is divided into elements; distances are measured from there to the other body's surface. The
+ answer depends on the choice in the order of theta^2 (docs/theory.md, "Which body carries the grid"). */
+enum class GridOn { fixed, moving };
 
 /** Distance of an element from the moving surface [BF2004 §2.2, Fig. 3]. The paper prefers the minimum distance. */
 enum class DistanceMethod {
@@ -84,7 +99,9 @@ enum class Tracking {
 
 struct ContactPairDefinition {
   std::vector<CompartmentDefinition> compartments;
-  /** Element plane [m]; crossings at or below it are not used. Absent: the highest crossing wherever it is. */
+  GridOn gridOn = GridOn::fixed;
+  /** Height of plane element surfaces in the frame of the body that carries the grid [m]; crossings at or below it (facing down:
+   at or above it) are not used. Absent: the highest (lowest) crossing wherever it is. */
   std::optional<double> planeY_m;
   Thickness fixedThickness, movingThickness;
   Material material;
@@ -175,12 +192,12 @@ struct GridReport {
   std::string name;
   int cells = 0;               ///< nx * nz, plus three for every refined cell
   int elements = 0;            ///< cells that became elements
-  int missedSurface = 0;       ///< the cell's vertical misses the fixed surface
-  int belowPlane = 0;          ///< it meets it only at or below the element plane
-  int downwardOnly = 0;        ///< it meets only downward-facing sheets: inverted normals?
+  int missedSurface = 0;       ///< the cell's ray (a plane's vertical) misses the surface that carries the grid
+  int belowPlane = 0;          ///< it meets it only at or behind the element plane or the limiting radius
+  int downwardOnly = 0;        ///< it meets only sheets that face the other way: inverted normals?
   int missedBack = 0;          ///< no back surface along the normal
   int clamped = 0;             ///< thickness clamped
-  double minThickness_m = 0, maxThickness_m = 0, meanThickness_m = 0;  ///< fixed layer
+  double minThickness_m = 0, maxThickness_m = 0, meanThickness_m = 0;  ///< layer of the body that carries the grid
   double surfaceArea_m2 = 0;
 };
 struct ThicknessMapReport {
@@ -277,7 +294,8 @@ class ContactPair {
   std::unique_ptr<Impl> impl_;
 };
 
-/** Smallest rectangle [x0, x1, z0, z1] that contains the upward-facing part of the fixed surface. */
-std::array<double, 4> findRectangle(const ContactSurface& fixedSurface);
+/** Smallest rectangle [x0, x1, z0, z1] that contains the part of a surface that faces up (or down); for round element surfaces see
+ findExtent. */
+std::array<double, 4> findRectangle(const ContactSurface& surface, PlaneFacing facing = PlaneFacing::up);
 
 }  // namespace genu::contact

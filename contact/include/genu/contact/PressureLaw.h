@@ -85,13 +85,20 @@ using PressureLaw = std::variant<LinearLayer, PowerLawLayer>;
 /** @throws std::invalid_argument, see Material::validate */
 PressureLaw makePressureLaw(const Material& material, StrainMeasure strain);
 
+/** Of two layers in series; pressure depends on both thicknesses. */
+struct SeriesResponse : LayerResponse {
+  double dpdhF_PaPerM = 0, dpdhM_PaPerM = 0;  ///< slopes at constant penetration, <= 0
+};
+
 /** Two layers of different materials in series: the pressure is common, d = d_F(p) + d_M(p). Each law is inverted
  in closed form (strain from pressure); one monotone safeguarded Newton solve in p per element. The result has the
- slope and energy of the pair. One of the thicknesses may be 0: then the other layer acts alone. */
+ slope and energy of the pair. One of the thicknesses may be 0: then the other layer acts alone.
+ With e_F(p), e_M(p) the strains and S = hF e_F' + hM e_M':  dp/dd = 1/S,  dp/dhF = -e_F/S,  dp/dhM = -e_M/S. */
 class SeriesLayers {
  public:
   SeriesLayers(const Material& fixedMaterial, const Material& movingMaterial, StrainMeasure strain);
-  LayerResponse calcResponse(double d_m, double hF_m, double hM_m) const;
+  template <bool WithEnergy = true>
+  SeriesResponse calcResponse(double d_m, double hF_m, double hM_m) const;
 
  private:
   Material materialF_, materialM_;

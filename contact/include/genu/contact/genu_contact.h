@@ -96,6 +96,8 @@ GENU_API genu_status genu_surface_create_ellipsoid(double a, double b, double c,
 GENU_API genu_status genu_surface_create_torus(double radius_sagittal, double radius_frontal, genu_surface** out);
 /* A copy of `surface` placed elsewhere in its body: `placement` is a pose in the form of the six coordinates. */
 GENU_API genu_status genu_surface_create_placed(const genu_surface* surface, const double placement[6], genu_surface** out);
+/* A copy of `surface` with its normals turned around: a closed shape becomes a cavity, the socket of a hip. */
+GENU_API genu_status genu_surface_create_flipped(const genu_surface* surface, genu_surface** out);
 /* NULL is allowed, here and in the other _destroy functions. */
 GENU_API void genu_surface_destroy(genu_surface* surface);
 /* 0 for NULL */
@@ -108,7 +110,8 @@ typedef enum genu_thickness_kind {
   GENU_THICKNESS_CONSTANT = 1,     /* value: h [m] */
   GENU_THICKNESS_ABOVE_PLANE = 2,  /* value: y of the plane [m] */
   GENU_THICKNESS_BACK_CLOSEST = 3, /* back: back surface, distance to its nearest point */
-  GENU_THICKNESS_BACK_NORMAL = 4   /* back: back surface, distance along the inward normal */
+  GENU_THICKNESS_BACK_NORMAL = 4,  /* back: back surface, distance along the inward normal */
+  GENU_THICKNESS_RADIAL = 5        /* value: radius of a round back [m], distance to it; where it is: genu_round_back */
 } genu_thickness_kind;
 
 /* Elastic layer of one body. */
@@ -131,7 +134,8 @@ typedef struct genu_material {
   double eps0, p0, n;    /* power laws: eps0 > 0, p0 > 0 [Pa], n >= 1 */
 } genu_material;
 
-/* A grid of nx * nz elements over [x0, x1] x [z0, z1] of F [m], projected along +y onto `fixed`. */
+/* A grid of nx * nz elements over [x0, x1] x [z0, z1] of F [m], projected along +y onto `fixed`. Other places for the grid:
+   element_surfaces and grid_on of genu_pair_options. */
 typedef struct genu_compartment {
   const char* name; /* NULL: "compartment K" */
   double x0, x1, z0, z1;
@@ -160,6 +164,39 @@ typedef enum genu_tracking {
   GENU_TRACKING_BREADTH_FIRST_UNGUARDED = 3 /* the search alone: can miss a new, separate contact region */
 } genu_tracking;
 
+/* Which body's surface is divided into elements; distances are measured from there to the other one. */
+typedef enum genu_grid_on { GENU_GRID_ON_FIXED = 0, GENU_GRID_ON_MOVING = 1 } genu_grid_on;
+
+/* The surface a grid is laid out on before it is projected, in the frame of the body that carries it. */
+typedef enum genu_element_surface_kind {
+  GENU_ELEMENTS_PLANE_UP = 0,         /* along +y onto the highest upward crossing; ranges: the compartment's x0 .. z1 */
+  GENU_ELEMENTS_PLANE_DOWN = 1,       /* along -y onto the lowest downward crossing: a femoral condyle */
+  GENU_ELEMENTS_CYLINDER_OUTWARD = 2, /* radially from an axis onto the farthest crossing that faces outward */
+  GENU_ELEMENTS_CYLINDER_INWARD = 3,  /* ... onto the nearest crossing that faces the axis: a socket */
+  GENU_ELEMENTS_SPHERE_OUTWARD = 4,   /* radially from a centre */
+  GENU_ELEMENTS_SPHERE_INWARD = 5
+} genu_element_surface_kind;
+
+/* A direction of three zeros is the default. Rays of a cylinder: at right angles to the axis, `angle` from `zero`, right-handed
+   about the axis. Of a sphere: cos(e) (cos(angle) zero + sin(angle) axis x zero) + sin(e) axis, e the elevation. nx counts along
+   the angle, nz along the other coordinate. An angle range of 2 pi closes on itself. Planes use `kind` alone. */
+typedef struct genu_element_surface {
+  genu_element_surface_kind kind;
+  double center[3];      /* of the sphere, or a point on the axis [m] */
+  double axis[3];        /* default z */
+  double zero[3];        /* direction of angle 0; default -y (+x for an axis along y) */
+  double angle[2];       /* from, to [rad] */
+  double axial[2];       /* cylinder: from, to along the axis [m] */
+  double elevation[2];   /* sphere: from, to [rad], within -pi/2 .. pi/2 */
+  double limit_radius;   /* only crossings on the open side of this radius are used [m]; 0: all */
+} genu_element_surface;
+
+/* Where the round back of GENU_THICKNESS_RADIAL is, in the layer's body. */
+typedef struct genu_round_back {
+  double center[3]; /* of a sphere, or a point on a cylinder's axis [m] */
+  double axis[3];   /* of a cylinder; three zeros: a sphere */
+} genu_round_back;
+
 typedef struct genu_pair_options {
   size_t struct_size; /* sizeof(genu_pair_options) of the caller */
   const genu_compartment* compartments;
@@ -175,6 +212,10 @@ typedef struct genu_pair_options {
   genu_tracking tracking;
   double copy_tolerance; /* a stored result is returned when no coordinate moved by more [rad, m]; negative: never */
   genu_distance distance;
+  genu_grid_on grid_on;
+  const genu_element_surface* element_surfaces; /* one per compartment; NULL: planes that face up */
+  const genu_round_back* fixed_round_back;      /* radial thickness; NULL: a sphere about the body's origin */
+  const genu_round_back* moving_round_back;
 } genu_pair_options;
 
 /* Sets all fields to their defaults; `size` is sizeof(genu_pair_options) where you compile. Does nothing for NULL. */
@@ -195,9 +236,9 @@ GENU_API const char* genu_pair_compartment_name(const genu_pair* pair, int compa
 /* What became of a compartment's cells, and its fixed layer. */
 typedef struct genu_grid_report {
   int cells, elements;
-  int missed_surface; /* the cell's vertical misses the fixed surface */
-  int below_plane;    /* it meets it only at or below the element plane */
-  int downward_only;  /* it meets only downward-facing sheets: inverted normals? */
+  int missed_surface; /* the cell's ray (a plane's vertical) misses the surface that carries the grid */
+  int below_plane;    /* it meets it only at or behind the element plane or the limiting radius */
+  int downward_only;  /* it meets only sheets that face the other way: inverted normals? */
   int missed_back;    /* no back surface along the normal */
   int clamped;        /* thickness clamped */
   double min_thickness, max_thickness, mean_thickness; /* [m] */
