@@ -128,6 +128,9 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
     if (definition.rule != ContactRule::smooth) {
       fail("contact pair: correction energy is the gradient of the smooth rule's energy; the centre rule has none, because its load jumps");
     }
+    if (definition.distance == DistanceMethod::ray) {
+      fail("contact pair: correction energy is not available with the distance by ray; use the minimum distance");
+    }
     if (definition.damping_sPerM > 0) {
       fail("contact pair: correction energy with damping = ", definition.damping_sPerM, " s/m is not available; choose one of them");
     }
@@ -137,9 +140,6 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
   const auto isRigid = [](const Thickness& t) { return std::holds_alternative<RigidBody>(t.source); };
   if (isRigid(definition.fixedThickness) && isRigid(definition.movingThickness)) {
     fail("contact pair: both bodies are rigid; at least one needs a layer thickness");
-  }
-  if (definition.distance == DistanceMethod::ray && definition.rule == ContactRule::smooth) {
-    fail("contact pair: the distance by ray is not available with the smooth rule; use the centre rule, or the minimum distance");
   }
   impl_ = std::make_unique<Impl>(std::move(definition));
   Impl& m = *impl_;

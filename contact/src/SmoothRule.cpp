@@ -94,6 +94,25 @@ bool detail::calcThicknessSlopeInM(const PairData& impl, const Compartment& c, c
 
 namespace {
 
+/** The same where a ray along n hits: with respect to the place of the ray, seen at the hit C. */
+bool calcThicknessSlopeOfRay(const PairData& impl, const Compartment& c, const TrackedHit& hit, const Vec3& n_M, double out[3]) {
+  const auto row = [](const double* a) { return Vec3(a[0], a[1], a[2]); };
+  Vec3 slope;
+  if (impl.movingLayer == MovingLayer::map) {
+    double dhdu = 0, dhdv = 0;
+    c.map->interpolate(hit.patch, hit.u, hit.v, dhdu, dhdv);
+    slope = dhdu * row(hit.duvdA) + dhdv * row(hit.duvdA + 3);
+  } else {
+    double clamped = std::abs(hit.p_MC[1] - impl.planeMovingY_m);
+    if (clampThickness(impl.definition.movingThickness, clamped)) return false;
+    // C = A + t n, dt = -N.dC0/(N.n) where dC0 is the shift of the ray at C.
+    slope = Vec3::UnitY() + n_M.y() * row(hit.normal) / hit.cosTheta;
+    if (!(hit.p_MC[1] > impl.planeMovingY_m)) slope = -slope;
+  }
+  std::copy(slope.data(), slope.data() + 3, out);
+  return true;
+}
+
 /** Nodes and cells of a block: blocks never depend on the number of threads, so neither do results. */
 constexpr int kNodesPerBlock = 64, kCellsPerBlock = 32;
 constexpr double kAlways = 1e300;  // a way that is never gone
@@ -165,12 +184,13 @@ class SmoothEvaluation {
  public:
   SmoothEvaluation(const PairData& impl, const Compartment& c, const EvaluationTask& task, CompartmentMemory& memory, NetLoad& load)
       : impl_(impl), c_(c), task_(task), kernels_(activeCellKernels()), R_MF_(task.X_FM.R.transpose()),
-        offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl, c, memory) {
-    // A hole in the thickness map takes nodes out of use as feet move over it.
-    predictable_ = c.map == nullptr || !c.map->hasHoles();
+        offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl, c, memory), byRay_(impl.definition.distance == DistanceMethod::ray) {
+    // A hole in the thickness map takes nodes out of use as feet move over it; rays turn with the body.
+    predictable_ = !byRay_ && (c.map == nullptr || !c.map->hasHoles());
     grid_.stencil = c.stencil.data()->data();
     grid_.place = c.place.data();
     grid_.feet = memory.feet.data();
+    grid_.hits = byRay_ ? memory.hits.data() : nullptr;
     grid_.field = memory.field.data();
     grid_.usable = memory.usable.data();
     grid_.s = memory.s.data();
@@ -308,10 +328,19 @@ class SmoothEvaluation {
       std::copy(p_MA.data(), p_MA.data() + 3, Q + 3 * i);
     }
     trackFeet(*c_.moving, Q, nodes, count, memory_.feet.data());
+    if (byRay_) fireRays(nodes, count, Q);
     for (int i = 0; i < count; ++i) {
       const auto k = static_cast<size_t>(nodes[i]);
+      if (byRay_) {
+        const TrackedHit& hit = memory_.hits[k];
+        const bool isHit = hit.status == HitStatus::hit;
+        const double hM = isHit ? calcMovingThickness(hit.p_MC, {hit.patch, hit.u, hit.v}) : 0;
+        memory_.field[k].hM_m = hM;
+        memory_.usable[k] = isHit && !std::isnan(hM);
+        continue;
+      }
       const TrackedFoot& foot = memory_.feet[k];
-      const double hM = calcMovingThickness(foot);
+      const double hM = calcMovingThickness(foot.p_MB, {foot.patch, foot.u, foot.v});
       memory_.field[k].hM_m = hM;
       // Behind the surface but beyond its border there is no material.
       memory_.usable[k] = foot.status != QueryStatus::notConverged && !std::isnan(hM) &&
@@ -320,16 +349,31 @@ class SmoothEvaluation {
     kernels_.setNodes(grid_, nodes, count);
   }
 
-  double calcMovingThickness(const TrackedFoot& foot) const {
+  void fireRays(const int* nodes, int count, const double* Q) {
+    for (int i = 0; i < count; ++i) {
+      const auto k = static_cast<size_t>(nodes[i]);
+      const Vec3 n_M = R_MF_ * c_.normal_F[k];
+      TrackedHit& hit = memory_.hits[k];
+      if (hit.patch < 0 && memory_.feet[k].patch >= 0) {  // no hit to start from: start from the foot
+        hit = TrackedHit{};
+        hit.patch = memory_.feet[k].patch;
+        hit.u = memory_.feet[k].u;
+        hit.v = memory_.feet[k].v;
+      }
+      trackHits(*c_.moving, Q + 3 * i, n_M.data(), nodes + i, 1, memory_.hits.data());
+    }
+  }
+
+  double calcMovingThickness(const double p_M[3], const SurfaceParameter& at) const {
     switch (impl_.movingLayer) {
       case MovingLayer::none: break;
       case MovingLayer::constant: return impl_.constantMoving_m;
       case MovingLayer::plane: {
-        double h = std::abs(foot.p_MB[1] - impl_.planeMovingY_m);
+        double h = std::abs(p_M[1] - impl_.planeMovingY_m);
         clampThickness(impl_.definition.movingThickness, h);
         return h;
       }
-      case MovingLayer::map: return c_.map->interpolate(SurfaceParameter{foot.patch, foot.u, foot.v});
+      case MovingLayer::map: return c_.map->interpolate(at);
     }
     return 0;
   }
@@ -351,18 +395,19 @@ class SmoothEvaluation {
       if (node >= c_.elements) continue;
       const auto k = static_cast<size_t>(node);
       const TrackedFoot& foot = memory_.feet[k];
-      if (foot.status == QueryStatus::notConverged) {
+      const bool failed = foot.status == QueryStatus::notConverged || (byRay_ && memory_.hits[k].status == HitStatus::notConverged);
+      const bool leaves = byRay_ ? memory_.hits[k].status == HitStatus::missed : foot.status == QueryStatus::onBoundary;
+      if (failed) {
         ++load_.notConvergedQueries;
       } else if (!(foot.distance_m > 0)) {
-        if (foot.status == QueryStatus::onBoundary) {
+        if (leaves) {
           ++load_.boundaryElements;
         } else if (!memory_.usable[k]) {
           ++load_.noThicknessElements;
-        } else if (foot.distance_m < 0) {
+        } else if (memory_.s[k] > 0) {
           const NodeField& f = memory_.field[k];
           const double strain = memory_.s[k] * memory_.r[k];
-          const bool faces = c_.normal_F[k].dot(Vec3(f.u[0], f.u[1], f.u[2])) > 0;
-          load_.fullPenetrationElements += !faces || !(strain < 1);
+          load_.fullPenetrationElements += !(f.cosTheta > 0) || !(strain < 1);
           load_.extrapolatedElements += strain > kExtrapolationStrain || isLayerUsedUp(k);
         }
       }
@@ -425,6 +470,30 @@ class SmoothEvaluation {
 
   /** Tests elements whose nodes are known; returns how many may be in contact. */
   int test(const int* elements, int count) {
+    if (byRay_) {
+      // Along a ray the gap changes faster than the point moves. What the rule looks at is bounded by the distance itself: cells with
+      // no node within half a cell's size of the moving surface carry nothing.
+      const double reach_m = 0.5 * c_.cellSize_m;
+      memory_.near.clear();
+      for (int i = 0; i < count; ++i) {
+        const auto e = static_cast<size_t>(elements[i]);
+        double nearest_m = kAlways;
+        bool known = true;
+        for (const int k : c_.stencil[e]) {
+          if (k < 0) continue;
+          const TrackedFoot& foot = memory_.feet[static_cast<size_t>(k)];
+          nearest_m = std::min(nearest_m, foot.distance_m);
+          known = known && foot.status != QueryStatus::notConverged;
+        }
+        if (known && nearest_m > reach_m) {
+          memory_.mark_m[e] = memory_.way_m + (1 - 1e-9) * (nearest_m - reach_m);
+        } else {
+          memory_.near.push_back(elements[i]);
+        }
+      }
+      elements = memory_.near.data();
+      count = static_cast<int>(memory_.near.size());
+    }
     const size_t before = memory_.tasks.size();
     memory_.tasks.resize(before + static_cast<size_t>(count) + 1);  // the kernel may write one past the last
     const int found = kernels_.testCells(grid_, elements, count, memory_.candidateBound.data(), memory_.candidateMask.data(),
@@ -434,7 +503,7 @@ class SmoothEvaluation {
       const auto e = static_cast<size_t>(elements[i]);
       const int mask = memory_.candidateMask[static_cast<size_t>(i)];
       // A node that the cell could not use may become usable: then no promise is made.
-      if (mask == c_.neighbors[e]) {
+      if (mask == c_.neighbors[e] && !byRay_) {
         setMark(e, memory_.candidateBound[static_cast<size_t>(i)], mask);
       } else {
         memory_.mark_m[e] = -kAlways;
@@ -470,7 +539,13 @@ class SmoothEvaluation {
   static bool calcThicknessSlope(const void* self, int node, double out[3]) {
     const auto& me = *static_cast<const SmoothEvaluation*>(self);
     double slope[3];
-    if (!calcThicknessSlopeInM(me.impl_, me.c_, me.memory_.feet[static_cast<size_t>(node)], slope)) return false;
+    const auto k = static_cast<size_t>(node);
+    if (me.byRay_) {
+      const Vec3 n_M = me.R_MF_ * me.c_.normal_F[k];
+      if (!calcThicknessSlopeOfRay(me.impl_, me.c_, me.memory_.hits[k], n_M, slope)) return false;
+    } else if (!calcThicknessSlopeInM(me.impl_, me.c_, me.memory_.feet[k], slope)) {
+      return false;
+    }
     Eigen::Map<Vec3>{out} = me.task_.X_FM.R * Eigen::Map<const Vec3>(slope);
     return true;
   }
@@ -505,6 +580,7 @@ class SmoothEvaluation {
   const unsigned stamp_;
   NetLoad& load_;
   CellLaw law_;
+  const bool byRay_;
   bool predictable_ = false;
   size_t firstNode_ = 0;
   CellGrid grid_{};
@@ -539,6 +615,10 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
 void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory& m) const {
   const size_t nodes = c.numNodes(), n = c.size();
   m.feet.resize(nodes);
+  if (definition.distance == DistanceMethod::ray) {
+    m.hits.resize(nodes);
+    m.near.reserve(n);
+  }
   m.nodeVisit.resize(nodes);
   m.usable.resize(nodes);
   m.field.resize(nodes);

@@ -291,6 +291,13 @@ TEST(CInterface, StructsMayGrow) {
   pair = nullptr;
   EXPECT_EQ(genu_pair_create(&newer.options, &pair), GENU_BAD_ARGUMENT);
   EXPECT_THAT(genu_last_error(), HasSubstr("older library does not know"));
+  // A program from before `distance`: what lies past its size is not read.
+  genu_pair_options older = s.options;
+  older.struct_size = offsetof(genu_pair_options, distance);
+  older.distance = static_cast<genu_distance>(77);
+  genu_pair* old = nullptr;
+  ASSERT_EQ(genu_pair_create(&older, &old), GENU_OK) << genu_last_error();
+  genu_pair_destroy(old);
   // A program older than the library: fields past its size are neither read nor written.
   const Workspace workspace = makeWorkspace(owner);
   genu_result result;

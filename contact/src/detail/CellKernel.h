@@ -4,6 +4,7 @@
 
 #include "LawTable.h"
 #include "TrackedFoot.h"
+#include "TrackedHit.h"
 
 namespace genu::contact::detail {
 
@@ -40,6 +41,7 @@ struct LawView {
 struct NodeField {
   double m[3];      // force direction on M, in F
   double length;    // |n + u| where the correction is on, 0 where it is off
+  double cosTheta;  // n . u
   double u[3];      // direction of the distance, turned into M, in F
   double c;         // d = c s
   double h_m, hM_m;
@@ -56,11 +58,13 @@ constexpr int kWeightStride = 4;
 /** Numbers per node of `adjoint`: d(load)/ds (6, 2 unused), then d(load)/dr (6, 2 unused). */
 constexpr int kAdjointStride = 16;
 
-/** One compartment at one pose. Strain at a node: s r, s the penetration before the midsurface correction, > 0 in contact. */
+/** One compartment at one pose. Strain at a node: s r, s the penetration before the midsurface correction (-AB, or -AC along the
+ node's normal by ray), > 0 in contact. */
 struct CellGrid {
   const int* stencil;       // 9 per element, -1: none
   const double* place;
   const TrackedFoot* feet;
+  const TrackedHit* hits;   // ray firing; nullptr: minimum distance
   NodeField* field;
   const char* usable;       // per node
   double *s, *r, *load;     // per node

@@ -44,13 +44,13 @@ void setNodes(const CellGrid& g, const int* nodes, int count) {
   const double* R = g.R;
   for (int i = 0; i < count; ++i) {
     const int k = nodes[i];
-    const TrackedFoot& foot = g.feet[k];
-    g.s[k] = -foot.distance_m;
+    const bool byRay = g.hits != nullptr;
+    g.s[k] = byRay ? -g.hits[k].t_m : -g.feet[k].distance_m;
     if (!g.usable[k]) continue;
     NodeField& f = g.field[k];
     const double* A = g.place + kPlaceStride * k;
     const double* n = A + 4;
-    const double* N = foot.normal;
+    const double* N = byRay ? g.hits[k].normal : g.feet[k].normal;
     const double u[3] = {-(R[0] * N[0] + R[1] * N[1] + R[2] * N[2]), -(R[3] * N[0] + R[4] * N[1] + R[5] * N[2]),
                          -(R[6] * N[0] + R[7] * N[1] + R[8] * N[2])};
     const double sum[3] = {n[0] + u[0], n[1] + u[1], n[2] + u[2]};
@@ -59,13 +59,14 @@ void setNodes(const CellGrid& g, const int* nodes, int count) {
     if (g.corrected && cosTheta > 0) {
       const double length = __builtin_sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]), inverse = 1 / length;
       f.length = length;
-      f.c = 2 * inverse;
+      f.c = byRay ? 2 * inverse * cosTheta : 2 * inverse;
       for (int j = 0; j < 3; ++j) f.m[j] = sum[j] * inverse;
     } else {
       f.length = 0;
       f.c = 1;
-      for (int j = 0; j < 3; ++j) f.m[j] = u[j];
+      for (int j = 0; j < 3; ++j) f.m[j] = byRay && !g.corrected ? n[j] : u[j];
     }
+    f.cosTheta = cosTheta;
     for (int j = 0; j < 3; ++j) f.u[j] = u[j];
     f.factor = 1;
     if (g.damping_sPerM > 0) {
@@ -346,32 +347,45 @@ inline void rotate(const double R[9], const double a[3], double b[3]) {
 }
 
 /** A small motion (v, w) of M at Fo moves A by -(v + w x A) in M; du = w x u + H (v + w x A), H the Hessian of the signed
- distance. Rows of six columns: v, w. */
+ distance. By ray, the hit C = A - s n takes the place of A: ds = -u.(v + w x C)/cos(theta), du = w x u + H (v + w x C), H the change of
+ the normal at C with the ray's place. Rows of six columns: v, w. */
 void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope, const void* self, StiffnessSums& total) {
   V8 K[6] = {}, D[6] = {};
-  const bool damped = g.damping_sPerM > 0;
+  const bool damped = g.damping_sPerM > 0, byRay = g.hits != nullptr;
   forEachTouched(g, numWords, [&](int k) {
     if (!g.usable[k]) return;
     const NodeField& f = g.field[k];
-    const TrackedFoot& foot = g.feet[k];
     const double* A = g.place + kPlaceStride * k;
     const double* adjoint = g.adjoint + kAdjointStride * k;
     const double *u = f.u, *m = f.m;
-    const V8 ds = {-u[0], -u[1], -u[2], A[2] * u[1] - A[1] * u[2], A[0] * u[2] - A[2] * u[0], A[1] * u[0] - A[0] * u[1], 0, 0};
+    double P[3] = {A[0], A[1], A[2]};
+    double perS = 1;
+    const double *surfaceNu = g.feet[k].nu, *surfaceNv = g.feet[k].nv, *surfaceJ = g.feet[k].duvdQ;
+    bool bends = g.feet[k].status == QueryStatus::converged;
+    if (byRay) {
+      for (int j = 0; j < 3; ++j) P[j] -= g.s[k] * A[4 + j];
+      perS = 1 / f.cosTheta;
+      const TrackedHit& hit = g.hits[k];
+      surfaceNu = hit.nu;
+      surfaceNv = hit.nv;
+      surfaceJ = hit.duvdA;
+      bends = true;
+    }
+    const V8 ds = perS * V8{-u[0], -u[1], -u[2], P[2] * u[1] - P[1] * u[2], P[0] * u[2] - P[2] * u[0], P[1] * u[0] - P[0] * u[1], 0, 0};
     double W[3][3] = {};
-    if (foot.status == QueryStatus::converged) {
+    if (bends) {
       double nu[3], nv[3], ju[3], jv[3];
-      rotate(g.R, foot.nu, nu);
-      rotate(g.R, foot.nv, nv);
-      rotate(g.R, foot.duvdQ, ju);
-      rotate(g.R, foot.duvdQ + 3, jv);
+      rotate(g.R, surfaceNu, nu);
+      rotate(g.R, surfaceNv, nv);
+      rotate(g.R, surfaceJ, ju);
+      rotate(g.R, surfaceJ + 3, jv);
       for (int i = 0; i < 3; ++i) {
         for (int j = 0; j < 3; ++j) W[i][j] = nu[i] * ju[j] + nv[i] * jv[j];
       }
     }
     const auto row = [&](int i, double x, double y, double z) {
       const double* w = W[i];
-      return V8{w[0], w[1], w[2], x + A[1] * w[2] - A[2] * w[1], y + A[2] * w[0] - A[0] * w[2], z + A[0] * w[1] - A[1] * w[0], 0, 0};
+      return V8{w[0], w[1], w[2], x + P[1] * w[2] - P[2] * w[1], y + P[2] * w[0] - P[0] * w[2], z + P[0] * w[1] - P[1] * w[0], 0, 0};
     };
     V8 dm[3] = {row(0, 0, u[2], -u[1]), row(1, -u[2], 0, u[0]), row(2, u[1], -u[0], 0)};  // du first
     V8 dr = {};
@@ -379,12 +393,15 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
       const V8 along = m[0] * dm[0] + m[1] * dm[1] + m[2] * dm[2];
       const double inverse = 1 / f.length;
       for (int i = 0; i < 3; ++i) dm[i] = (dm[i] - m[i] * along) * inverse;
-      dr = along * (-2 * inverse * inverse / f.h_m);
+      // c = 2/length, by ray 2 cos(theta)/length = length - 2/length
+      dr = along * ((byRay ? 1 + 2 * inverse * inverse : -2 * inverse * inverse) / f.h_m);
+    } else if (byRay && !g.corrected) {
+      for (int i = 0; i < 3; ++i) dm[i] = V8{};  // along n, which stays
     }
     double slope[3];
     if (thicknessSlope != nullptr && thicknessSlope(self, k, slope)) {
-      const V8 wrench = {slope[0], slope[1], slope[2], A[1] * slope[2] - A[2] * slope[1], A[2] * slope[0] - A[0] * slope[2],
-                         A[0] * slope[1] - A[1] * slope[0], 0, 0};
+      const V8 wrench = {slope[0], slope[1], slope[2], P[1] * slope[2] - P[2] * slope[1], P[2] * slope[0] - P[0] * slope[2],
+                         P[0] * slope[1] - P[1] * slope[0], 0, 0};
       dr += wrench * (g.r[k] / f.h_m);
     }
     const double scale = g.weight[kWeightStride * k] * A[3] * (g.linear ? g.K_Pa : 1);

@@ -92,6 +92,7 @@ struct CompartmentMemory {
   Numbers prediction;                  // (s, error) of each node; error < 0: not known
   // Smooth rule, of elements:
   std::vector<int> candidates, candidateMask;
+  std::vector<int> near;               // ray firing
   Numbers candidateBound;
   std::vector<CellTask> tasks;         // cells that may be in contact, in element order
   Numbers cells;                       // their results, see CellKernel.h

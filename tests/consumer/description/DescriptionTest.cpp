@@ -147,6 +147,18 @@ TEST(Description, EveryKeyReachesTheEngine) {
   }
 }
 
+TEST(Description, DistanceByRay) {
+  // Case R1 by ray: 1338.999787 N; whole cells, 35 per contact radius: 35^-2.5 = 1.4e-4.
+  const auto withDistance = [](const char* distance) {
+    return create(replaced(kSphereOnLayer, "\"compartments\"",
+                           std::string("\"distance\": \"") + distance + "\", \"rule\": \"centre\", \"compartments\""));
+  };
+  const double byRay = force(withDistance("ray"), 0.0358), byMinimum = force(withDistance("minimum"), 0.0358);
+  EXPECT_NEAR(byRay / 1338.999787, 1, 1.4e-4);
+  // The same cells: the methods differ as their closed forms do, by 0.00996 N.
+  EXPECT_NEAR(byRay - byMinimum, 1338.999787 - 1338.989824, 1e-3);
+}
+
 TEST(Description, ErrorsNameKeyValueAndWhatIsAllowed) {
   const auto whyNot = [](const std::string& from, const std::string& to) {
     genu_pair* pair = nullptr;

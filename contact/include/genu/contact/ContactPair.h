@@ -78,7 +78,7 @@ enum class GridOn { fixed, moving };
 /** Distance of an element from the moving surface [BF2004 §2.2, Fig. 3]. The paper prefers the minimum distance. */
 enum class DistanceMethod {
   minimum,  ///< AB to the closest point B; u = -normal at B
-  ray,      ///< AC along the element's normal n to the first hit C; u = -normal at C. Centre rule only
+  ray,      ///< AC along the element's normal n to the first hit C; u = -normal at C
 };
 /** How an element's share of the load is found (docs/theory.md, "Smooth rim"). */
 enum class ContactRule {
@@ -245,7 +245,7 @@ class ContactPair {
   /** Builds grids and thickness maps.
    @throws std::invalid_argument naming the compartment or quantity, its value and what is allowed: empty rectangle, no
    element at all, inverted normals (only downward crossings), no thickness, negative height above the plane, bad
-   material, ray firing with the smooth rule */
+   material, options that exclude each other */
   explicit ContactPair(ContactPairDefinition definition);
   ~ContactPair();
   ContactPair(ContactPair&&) noexcept;
