@@ -144,6 +144,7 @@ struct StiffnessCase {
   std::optional<Material> movingMaterial;
   Correction correction;
   int grid = 30;
+  DistanceMethod distance = DistanceMethod::minimum;
 };
 
 class Stiffness : public testing::TestWithParam<StiffnessCase> {};
@@ -158,6 +159,7 @@ ContactPairDefinition makePressedDish(const StiffnessCase& c) {
   d.movingThickness = c.moving;
   d.movingMaterial = c.movingMaterial;
   d.correction = c.correction;
+  d.distance = c.distance;
   d.copyTolerance = -1;
   return d;
 }
@@ -323,6 +325,12 @@ INSTANTIATE_TEST_SUITE_P(
         StiffnessCase{"two_layers", cartilage(), StrainMeasure::large, constantThickness(0.002), {}, Correction::midsurface},
         StiffnessCase{"series", uhmwpe(), StrainMeasure::small, constantThickness(0.002), cartilage(), Correction::midsurface},
         StiffnessCase{"layer_over_plane", uhmwpe(), StrainMeasure::small, abovePlane(0.1), {}, Correction::midsurface},
+        StiffnessCase{"ray", uhmwpe(), StrainMeasure::small, {}, {}, Correction::midsurface, 30, DistanceMethod::ray},
+        StiffnessCase{"ray_uncorrected", uhmwpe(), StrainMeasure::small, {}, {}, Correction::none, 30, DistanceMethod::ray},
+        StiffnessCase{"ray_log_two_layers", cartilage(), StrainMeasure::large, constantThickness(0.002), {}, Correction::midsurface, 30,
+                      DistanceMethod::ray},
+        StiffnessCase{"ray_layer_over_plane", uhmwpe(), StrainMeasure::small, abovePlane(0.1), {}, Correction::midsurface, 30,
+                      DistanceMethod::ray},
         StiffnessCase{"power_law", uhmwpePowerLaw(), StrainMeasure::small, {}, {}, Correction::midsurface, 60},
         StiffnessCase{"power_law_any_n", [] { Material m = uhmwpePowerLaw(); m.n = 3.7; return m; }(), StrainMeasure::large, {}, {}, Correction::midsurface, 60}),
     [](const auto& testCase) { return testCase.param.name; });
