@@ -131,6 +131,13 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
     if (definition.distance == DistanceMethod::ray) {
       fail("contact pair: correction energy is not available with the distance by ray; use the minimum distance");
     }
+    // The layer of the body without the grid is found anew at every pose.
+    const Thickness& found = definition.gridOn == GridOn::fixed ? definition.movingThickness : definition.fixedThickness;
+    const bool varies = !std::holds_alternative<ConstantThickness>(found.source) && !std::holds_alternative<RigidBody>(found.source);
+    if (definition.movingMaterial && !(*definition.movingMaterial == definition.material) && varies) {
+      fail("contact pair: correction energy is not available with two materials where the thickness of the layer without the grid "
+           "varies; give it a constant thickness, or both layers the same material");
+    }
     if (definition.damping_sPerM > 0) {
       fail("contact pair: correction energy with damping = ", definition.damping_sPerM, " s/m is not available; choose one of them");
     }

@@ -171,7 +171,7 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
     const CellTask& task = memory.tasks[i];
     const auto& stencil = c.stencil[static_cast<size_t>(task.element)];
     const StencilWeights& T = stencilWeights(task.mask);
-    double R[kSmooth] = {}, G[kSmooth] = {};
+    double R[kSmooth] = {}, G[kSmooth] = {}, share[kSmooth] = {};
     Eigen::Matrix<double, 6, kMonomials> dS;
     Eigen::Matrix<double, 6, kSmooth> dR, dG;
     dS.setZero();
@@ -187,6 +187,7 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
         if (withStiffness) dS.col(m) += t * Eigen::Map<const Vector6>(g);
         if (m >= kSmooth) continue;
         R[m] += t * grid.r[k];
+        if (grid.share != nullptr) share[m] += t * grid.share[k];
         G[m] += t * c.area_m2[static_cast<size_t>(k)] * grid.field[k].h_m;
         if (withStiffness) {
           dR.col(m) += t * Eigen::Map<const Vector6>(g + 6);
@@ -197,8 +198,8 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
     double byS[kMonomials] = {}, byR[kSmooth] = {}, byG[kSmooth] = {};
     forEachLawPoint(task.S, R, lowerBound(task.S) >= 0, law.shape, [&](double w, double xi, double eta) {
       const double s = evaluateAt(task.S, xi, eta), r = evaluateSmoothAt(R, xi, eta), area = evaluateSmoothAt(G, xi, eta);
-      double p[3];
-      law.respond(law.self, task.element, s * r, p);
+      double p[4];
+      law.respond(law.self, s * r, evaluateSmoothAt(share, xi, eta), p);
       const double monomial[kMonomials] = {1, xi, eta, xi * xi, eta * eta, xi * eta};
       for (int m = 0; m < kMonomials; ++m) byS[m] += w * area * p[0] * r * monomial[m];
       for (int m = 0; m < kSmooth; ++m) {

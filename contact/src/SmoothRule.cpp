@@ -126,10 +126,10 @@ double calcLargestMotion(const std::array<Vec3, 8>& corner_F, const Pose& a, con
   return std::sqrt(largest);
 }
 
-/** The pressure law at the elements of a compartment. */
+/** The pressure law as the kernels see it. */
 class CellLaw {
  public:
-  CellLaw(const PairData& impl, const Compartment& c, const CompartmentMemory& memory) : impl_(impl), c_(c), memory_(memory) {
+  explicit CellLaw(const PairData& impl) : impl_(impl) {
     view_.shape = impl_.shape;
     view_.respond = respond;
     view_.self = this;
@@ -148,34 +148,33 @@ class CellLaw {
   CellLaw& operator=(const CellLaw&) = delete;
 
   const LawView& view() const { return view_; }
-  double calcPressure(int element, double strain) const {
+  double calcPressure(double strain, double share) const {
     if (view_.kind == LawView::linear) return view_.K_Pa * strain;
-    double p[3];
-    respond(this, element, strain, p);
+    double p[4];
+    respond(this, strain, share, p);
     return p[0];
   }
 
  private:
-  static void respond(const void* self, int element, double strain, double* pressure) {
-    const auto& me = *static_cast<const CellLaw*>(self);
+  static void respond(const void* self, double strain, double share, double answer[4]) {
+    const auto& law = static_cast<const CellLaw*>(self)->impl_.law;
     LayerResponse r;
-    if (const auto* series = std::get_if<SeriesLayers>(&me.impl_.law)) {
-      const auto i = static_cast<size_t>(element);
-      const double share = me.c_.hF_m[i] / me.memory_.field[i].h_m;  // of the fixed layer
-      r = series->calcResponse(strain, share, 1 - share);
-    } else if (const auto* linear = std::get_if<LinearLayer>(&me.impl_.law)) {
+    answer[3] = 0;
+    if (const auto* series = std::get_if<SeriesLayers>(&law)) {
+      const SeriesResponse both = series->calcResponse<true>(strain, share, 1 - share);
+      answer[3] = both.dpdhF_PaPerM - both.dpdhM_PaPerM;
+      r = both;
+    } else if (const auto* linear = std::get_if<LinearLayer>(&law)) {
       r = linear->calcResponse<true>(strain, 1.0);
     } else {
-      r = std::get<PowerLawLayer>(me.impl_.law).calcResponse<true>(strain, 1.0);
+      r = std::get<PowerLawLayer>(law).calcResponse<true>(strain, 1.0);
     }
-    pressure[0] = r.p_Pa;
-    pressure[1] = r.dpdd_PaPerM;
-    pressure[2] = r.energy_JPerM2;
+    answer[0] = r.p_Pa;
+    answer[1] = r.dpdd_PaPerM;
+    answer[2] = r.energy_JPerM2;
   }
 
   const PairData& impl_;
-  const Compartment& c_;
-  const CompartmentMemory& memory_;
   LawView view_{};
 };
 
@@ -184,7 +183,7 @@ class SmoothEvaluation {
  public:
   SmoothEvaluation(const PairData& impl, const Compartment& c, const EvaluationTask& task, CompartmentMemory& memory, NetLoad& load)
       : impl_(impl), c_(c), task_(task), kernels_(activeCellKernels()), R_MF_(task.X_FM.R.transpose()),
-        offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl, c, memory), byRay_(impl.definition.distance == DistanceMethod::ray) {
+        offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl), byRay_(impl.definition.distance == DistanceMethod::ray) {
     // A hole in the thickness map takes nodes out of use as feet move over it; rays turn with the body.
     predictable_ = !byRay_ && (c.map == nullptr || !c.map->hasHoles());
     grid_.stencil = c.stencil.data()->data();
@@ -196,6 +195,8 @@ class SmoothEvaluation {
     grid_.s = memory.s.data();
     grid_.r = memory.r.data();
     grid_.load = memory.load.data();
+    grid_.share = memory.share.empty() ? nullptr : memory.share.data();
+    grid_.byShare = memory.share.empty() ? nullptr : memory.byShare.data();
     grid_.weight = memory.weight.data();
     grid_.adjoint = memory.adjoint.data();
     grid_.touched = memory.touched.data();
@@ -342,9 +343,8 @@ class SmoothEvaluation {
       const TrackedFoot& foot = memory_.feet[k];
       const double hM = calcMovingThickness(foot.p_MB, {foot.patch, foot.u, foot.v});
       memory_.field[k].hM_m = hM;
-      // Behind the surface but beyond its border there is no material.
-      memory_.usable[k] = foot.status != QueryStatus::notConverged && !std::isnan(hM) &&
-                          (foot.status == QueryStatus::converged || foot.distance_m > 0);
+      // Beyond the border there is no material: the gap is not known there.
+      memory_.usable[k] = foot.status == QueryStatus::converged && !std::isnan(hM);
     }
     kernels_.setNodes(grid_, nodes, count);
   }
@@ -470,46 +470,47 @@ class SmoothEvaluation {
 
   /** Tests elements whose nodes are known; returns how many may be in contact. */
   int test(const int* elements, int count) {
-    if (byRay_) {
-      // Along a ray the gap changes faster than the point moves. What the rule looks at is bounded by the distance itself: cells with
-      // no node within half a cell's size of the moving surface carry nothing.
-      const double reach_m = 0.5 * c_.cellSize_m;
-      memory_.near.clear();
-      for (int i = 0; i < count; ++i) {
-        const auto e = static_cast<size_t>(elements[i]);
-        double nearest_m = kAlways;
-        bool known = true;
-        for (const int k : c_.stencil[e]) {
-          if (k < 0) continue;
-          const TrackedFoot& foot = memory_.feet[static_cast<size_t>(k)];
-          nearest_m = std::min(nearest_m, foot.distance_m);
-          known = known && foot.status != QueryStatus::notConverged;
-        }
-        if (known && nearest_m > reach_m) {
-          memory_.mark_m[e] = memory_.way_m + (1 - 1e-9) * (nearest_m - reach_m);
-        } else {
-          memory_.near.push_back(elements[i]);
-        }
-      }
-      elements = memory_.near.data();
-      count = static_cast<int>(memory_.near.size());
-    }
     const size_t before = memory_.tasks.size();
     memory_.tasks.resize(before + static_cast<size_t>(count) + 1);  // the kernel may write one past the last
     const int found = kernels_.testCells(grid_, elements, count, memory_.candidateBound.data(), memory_.candidateMask.data(),
                                          memory_.tasks.data() + before);
     memory_.tasks.resize(before + static_cast<size_t>(found));
+    // Where a node is missing, or along rays, the polynomial is not held by the distances of its nodes. What the rule looks at is
+    // then bounded by the distances themselves: cells with no node within half a cell's size of the moving surface carry nothing.
+    const double reach_m = 0.5 * c_.cellSize_m;
+    size_t kept = before, next = before;
     for (int i = 0; i < count; ++i) {
       const auto e = static_cast<size_t>(elements[i]);
       const int mask = memory_.candidateMask[static_cast<size_t>(i)];
-      // A node that the cell could not use may become usable: then no promise is made.
+      const double bound = memory_.candidateBound[static_cast<size_t>(i)];
+      const bool isTask = mask >= 0 && bound > 0;
+      const size_t task = next;
+      next += isTask;
       if (mask == c_.neighbors[e] && !byRay_) {
-        setMark(e, memory_.candidateBound[static_cast<size_t>(i)], mask);
+        setMark(e, bound, mask);
       } else {
+        const double nearest_m = findNearest(e);
+        if (nearest_m > reach_m) {
+          memory_.mark_m[e] = memory_.way_m + (1 - 1e-9) * (nearest_m - reach_m);
+          continue;
+        }
         memory_.mark_m[e] = -kAlways;
       }
+      if (isTask) memory_.tasks[kept++] = memory_.tasks[task];
     }
-    return found;
+    memory_.tasks.resize(kept);
+    return static_cast<int>(kept - before);
+  }
+
+  /** Least signed distance of an element's nodes; -infinity where one is not known. */
+  double findNearest(size_t element) const {
+    double nearest_m = kAlways;
+    for (const int k : c_.stencil[element]) {
+      if (k < 0) continue;
+      const TrackedFoot& foot = memory_.feet[static_cast<size_t>(k)];
+      nearest_m = std::min(nearest_m, foot.status == QueryStatus::notConverged ? -kAlways : foot.distance_m);
+    }
+    return nearest_m;
   }
 
   /** Breadth-first from every element that was active, outward to a ring of inactive ones [BF2004 §2.2]. */
@@ -559,15 +560,16 @@ class SmoothEvaluation {
     const auto& stencil = c_.stencil[static_cast<size_t>(peak.element)];
     const StencilWeights& T = stencilWeights(peak.mask);
     const double monomial[kMonomials] = {1, peak.xi, peak.eta, peak.xi * peak.xi, peak.eta * peak.eta, peak.xi * peak.eta};
-    double factor = 0;
+    double factor = 0, share = 0;
     for (size_t n = 0; n < kStencil; ++n) {
       double w = 0;
       for (int c = 0; c < kMonomials; ++c) w += T.T[c][n] * monomial[c];
       if (w == 0) continue;
       load_.peakPoint_F += w * c_.p_FA[static_cast<size_t>(stencil[n])];
       factor += w * memory_.field[static_cast<size_t>(stencil[n])].factor;
+      if (grid_.share != nullptr) share += w * grid_.share[stencil[n]];
     }
-    load_.peakPressure_Pa = law_.calcPressure(peak.element, peak.strain) * std::max(0.0, factor);
+    load_.peakPressure_Pa = law_.calcPressure(peak.strain, share) * std::max(0.0, factor);
   }
 
   const PairData& impl_;
@@ -617,7 +619,6 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   m.feet.resize(nodes);
   if (definition.distance == DistanceMethod::ray) {
     m.hits.resize(nodes);
-    m.near.reserve(n);
   }
   m.nodeVisit.resize(nodes);
   m.usable.resize(nodes);
@@ -625,6 +626,10 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   m.s.resize(nodes);
   m.r.resize(nodes);
   m.load.resize(kLoadStride * nodes);
+  if (std::holds_alternative<SeriesLayers>(law)) {
+    m.share.resize(nodes);
+    m.byShare.resize(8 * nodes);
+  }
   m.weight.resize(kWeightStride * nodes);
   m.adjoint.resize(kAdjointStride * nodes);
   if (definition.correction == Correction::energy) m.gradient.resize(kGradientStride * nodes);
@@ -716,7 +721,7 @@ void ContactPair::Impl::findActive(const Compartment& c, const CompartmentMemory
     return;
   }
   active.clear();
-  const CellLaw cellLaw(*this, c, memory);
+  const CellLaw cellLaw(*this);
   for (size_t i = 0; i < memory.tasks.size(); ++i) {
     const double* cell = memory.cells.data() + i * static_cast<size_t>(memory.cellStride);
     if (!(cell[3] > 0)) continue;
@@ -737,7 +742,7 @@ void ContactPair::Impl::findActive(const Compartment& c, const CompartmentMemory
     a.hM_m = f.hM_m;
     a.direction_F = Vec3(f.m[0], f.m[1], f.m[2]);
     a.d_m = std::max(0.0, memory.s[k] * f.c);
-    if (memory.s[k] > 0) a.p_Pa = cellLaw.calcPressure(a.element, memory.s[k] * memory.r[k]) * f.factor;
+    if (memory.s[k] > 0) a.p_Pa = cellLaw.calcPressure(memory.s[k] * memory.r[k], c.hF_m[k] / f.h_m) * f.factor;
     active.push_back(a);
   }
 }

@@ -32,8 +32,9 @@ struct LawView {
   double K_Pa;      // linear
   LawTable pieces;  // table
   LawShape shape;
-  /** p, dp/dstrain and int p dstrain at one element: laws without a table, and strains beyond it. */
-  void (*respond)(const void* self, int element, double strain, double* pressure);
+  /** p, dp/dstrain, int p dstrain and dp/dshare: laws without a table, and strains beyond it. `share`: of the fixed layer in both
+   layers' thickness, read with layers in series. */
+  void (*respond)(const void* self, double strain, double share, double answer[4]);
   const void* self;
 };
 
@@ -68,6 +69,7 @@ struct CellGrid {
   NodeField* field;
   const char* usable;       // per node
   double *s, *r, *load;     // per node
+  double *share, *byShare;  // layers in series only: hF/h of each node, d(load)/d(share) (8 numbers, 6 used)
   double *weight, *adjoint; // per node, valid where `touched` has its bit
   unsigned long* touched;   // one bit per node
   double R[9];              // R_FM, row by row
@@ -85,9 +87,10 @@ struct CellTask {
 };
 
 /** Result of a cell: for each of the five nodes of its cross {weight, area weight, energy weight, unused}; then, with
- stiffness, the load's derivatives with respect to the 6 coefficients of s and the 5 of r, 8 numbers each of which 6 are used.
+ stiffness, the load's derivatives with respect to the 6 coefficients of s, the 5 of r and the 5 of the share (layers in series),
+ 8 numbers each of which 6 are used.
  The first "unused" is the share of the cell in contact. */
-constexpr int kCellWeights = 20, kBySOffset = 20, kByROffset = 68, kCellStride = 108;
+constexpr int kCellWeights = 20, kBySOffset = 20, kByROffset = 68, kByShareOffset = 108, kCellStride = 148;
 
 struct NetSums {
   double force[3], moment[3], scalar, area, weighted[3], energy;

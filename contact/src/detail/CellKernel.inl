@@ -20,7 +20,6 @@ inline void add8(V8 v, double* p) { store8(load8(p) + v, p); }
 template <bool kWithEnergy>
 struct Response {
   const LawView& law;
-  int element;
   void operator()(double strain, double& p, double& dp, double& energy) const {
     if (law.kind == LawView::linear) {
       p = law.K_Pa * strain;
@@ -29,8 +28,8 @@ struct Response {
     } else if (law.kind == LawView::table && strain < law.pieces.largestStrain) {
       readTable<kWithEnergy>(law.pieces, larger(strain, 0.0), p, dp, energy);
     } else {
-      double out[3];
-      law.respond(law.self, element, strain, out);
+      double out[4];
+      law.respond(law.self, strain, 1, out);
       p = out[0];
       dp = out[1];
       energy = out[2];
@@ -77,6 +76,7 @@ void setNodes(const CellGrid& g, const int* nodes, int count) {
     }
     const double r = f.c / f.h_m;
     g.r[k] = r;
+    if (g.share != nullptr) g.share[k] = n[3] / f.h_m;
     const double area = A[3];
     const double scalar = area * f.factor * (g.linear ? g.K_Pa * r : 1);
     double* L = g.load + kLoadStride * k;
@@ -178,10 +178,10 @@ inline void contract(const double moments[kMoments], const V8 G[kSmooth], int co
   }
 }
 
-/** Coefficients of r = c/h in a cell. */
-inline void gatherR(const CellGrid& g, const int* stencil, int mask, double R[kSmooth]) {
+/** Coefficients of a smooth quantity of the nodes (r = c/h, share) in a cell. */
+inline void gatherSmooth(const double* ofNode, const int* stencil, int mask, double R[kSmooth]) {
   double r[kStencil] = {};
-  for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? g.r[stencil[n]] : 0;
+  for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? ofNode[stencil[n]] : 0;
   double all[kMonomials];
   calcCoefficients(r, mask & 15, all);
   for (int k = 0; k < kSmooth; ++k) R[k] = all[k];
@@ -207,17 +207,23 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
       }
     }
     double R[kSmooth] = {};
-    if (!isLinear || withEnergy) gatherR(g, stencil, task.mask, R);
+    if (!isLinear || withEnergy) gatherSmooth(g.r, stencil, task.mask, R);
     if (isLinear) {
-      if (withEnergy) calcLawMoments<true, false>(S, R, full, law.shape, Response<true>{law, task.element}, m);
+      if (withEnergy) calcLawMoments<true, false>(S, R, full, law.shape, Response<true>{law}, m);
       if (full) {
         calcFullLinearMoments(S, m.pressure);
       } else {
         calcLinearMoments(S, m.area, m.pressure);
       }
+    } else if (g.share != nullptr) {
+      double Q[kSmooth];
+      gatherSmooth(g.share, stencil, task.mask, Q);
+      calcSharedMoments<kWithStiffness>(
+          S, R, Q, full, law.shape,
+          [&](double strain, double share, double* answer) { law.respond(law.self, strain, share, answer); }, m);
     } else {
-      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law.shape, Response<true>{law, task.element}, m)
-                 : calcLawMoments<false, kWithStiffness>(S, R, full, law.shape, Response<false>{law, task.element}, m);
+      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law.shape, Response<true>{law}, m)
+                 : calcLawMoments<false, kWithStiffness>(S, R, full, law.shape, Response<false>{law}, m);
     }
     const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
     spread(m.pressure, task.mask, out);
@@ -234,6 +240,7 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
       gatherLoad(g, stencil, task.mask, G);
       contract(isLinear ? m.area : m.slopeR, G, kMonomials, out + kBySOffset);
       if (!isLinear) contract(m.slopeS, G, kSmooth, out + kByROffset);
+      if (g.share != nullptr) contract(m.slopeShare, G, kSmooth, out + kByShareOffset);
     }
   }
 }
@@ -261,6 +268,7 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
       if (withStiffness) {
         store8(V8{}, g.adjoint + kAdjointStride * k);
         store8(V8{}, g.adjoint + kAdjointStride * k + 8);
+        if (g.byShare != nullptr) store8(V8{}, g.byShare + 8 * k);
       }
     }
     for (int n = 0; n < 5; ++n) {
@@ -275,6 +283,14 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
     if (!withStiffness) continue;
     const double* byS = out + kBySOffset;
     const double* byR = out + kByROffset;
+    if (g.byShare != nullptr) {
+      const StencilWeights& T = stencilWeights(task.mask);
+      for (int n = 0; n < 5; ++n) {
+        for (int c = 0; c < kSmooth; ++c) {
+          if (T.T[c][n] != 0) add8(T.T[c][n] * load8(out + kByShareOffset + 8 * c), g.byShare + 8 * stencil[n]);
+        }
+      }
+    }
     if (task.mask == kAllNeighbors) {
       const V8 s1 = 0.5 * load8(byS + 8), s2 = 0.5 * load8(byS + 16), s3 = load8(byS + 24), s4 = load8(byS + 32),
                s5 = 0.25 * load8(byS + 40);
@@ -403,6 +419,10 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
       const V8 wrench = {slope[0], slope[1], slope[2], P[1] * slope[2] - P[2] * slope[1], P[2] * slope[0] - P[0] * slope[2],
                          P[0] * slope[1] - P[1] * slope[0], 0, 0};
       dr += wrench * (g.r[k] / f.h_m);
+      if (g.share != nullptr) {  // dh = -wrench, share = hF/h
+        const V8 dShare = wrench * (g.share[k] / f.h_m);
+        for (int i = 0; i < 6; ++i) K[i] += g.byShare[8 * k + i] * dShare;
+      }
     }
     const double scale = g.weight[kWeightStride * k] * A[3] * (g.linear ? g.K_Pa : 1);
     V8 df[3];

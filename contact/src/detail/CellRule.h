@@ -288,6 +288,7 @@ struct CellMoments {
   double energy[8];          ///< int U
   double slopeR[16];         ///< int P' r xi^a eta^b: for ds (law with a slope that varies); kMoments are used
   double slopeS[16];         ///< int P' s xi^a eta^b: for dr
+  double slopeShare[16];     ///< int dP/dshare xi^a eta^b; layers in series only
 };
 
 /** Area moments of the whole cell, exact. */
@@ -578,6 +579,37 @@ inline void forEachLawPoint(const double S[kMonomials], const double R[kSmooth],
       place(b, xi, eta);
       at(weight * w, xi, eta);
     });
+  });
+}
+
+/** Moments of layers in series, whose law depends on the place through the share Q of the fixed layer. `respond(strain, share, answer)`
+ gives p, dp/dstrain, energy density and dp/dshare. */
+template <bool WithSlope, class Respond>
+inline void calcSharedMoments(const double S[kMonomials], const double R[kSmooth], const double Q[kSmooth], bool full,
+                              const LawShape& shape, const Respond& respond, CellMoments& m) {
+  for (int k = 0; k < kSmooth; ++k) m.pressure[k] = m.energy[k] = 0;
+  for (int k = 0; k < kMoments; ++k) m.slopeR[k] = m.slopeS[k] = m.slopeShare[k] = 0;
+  forEachLawPoint(S, R, full, shape, [&](double w, double xi, double eta) {
+    const double s = evaluateAt(S, xi, eta), r = evaluateSmoothAt(R, xi, eta);
+    double answer[4];
+    respond(s * r, evaluateSmoothAt(Q, xi, eta), answer);
+    const double monomial[kSmooth] = {1, xi, eta, xi * xi, eta * eta};
+    for (int k = 0; k < kSmooth; ++k) {
+      m.pressure[k] += w * answer[0] * monomial[k];
+      m.energy[k] += w * answer[2] * monomial[k];
+    }
+    if (!WithSlope) return;
+    double powerXi = w;
+    for (int a = 0; a <= 4; ++a) {
+      double power = powerXi;
+      for (int b = 0; a + b <= 4; ++b) {
+        m.slopeR[momentIndex(a, b)] += answer[1] * r * power;
+        m.slopeS[momentIndex(a, b)] += answer[1] * s * power;
+        m.slopeShare[momentIndex(a, b)] += answer[3] * power;
+        power *= eta;
+      }
+      powerXi *= xi;
+    }
   });
 }
 

@@ -83,7 +83,7 @@ struct CompartmentMemory {
   std::vector<unsigned> nodeVisit;     // evaluation that queried it last
   std::vector<char> usable;
   std::vector<NodeField> field;
-  Numbers s, r, load, weight, adjoint; // see CellGrid
+  Numbers s, r, load, weight, adjoint, share, byShare; // see CellGrid
   Numbers gradient;                    // energy form only, see EnergyRule.h
   std::vector<unsigned long> touched;
   std::vector<int> nodes;              // queried in this evaluation
@@ -92,7 +92,6 @@ struct CompartmentMemory {
   Numbers prediction;                  // (s, error) of each node; error < 0: not known
   // Smooth rule, of elements:
   std::vector<int> candidates, candidateMask;
-  std::vector<int> near;               // ray firing
   Numbers candidateBound;
   std::vector<CellTask> tasks;         // cells that may be in contact, in element order
   Numbers cells;                       // their results, see CellKernel.h
