@@ -107,7 +107,6 @@ void ContactWorkspace::reset() {
       hit.patch = -1;
     }
     std::fill(m.nodeVisit.begin(), m.nodeVisit.end(), 0u);
-    std::fill(m.nodePredicted.begin(), m.nodePredicted.end(), 0u);
     m.hasLast = false;
     m.active.clear();
     m.tasks.clear();
@@ -324,8 +323,7 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
     for (CompartmentMemory& m : w.compartments) {
       std::fill(m.visit.begin(), m.visit.end(), 0u);
       std::fill(m.nodeVisit.begin(), m.nodeVisit.end(), 0u);
-      std::fill(m.nodePredicted.begin(), m.nodePredicted.end(), 0u);
-    }
+      }
     w.stamp = 1;
   }
   ContactResult& r = w.stored;

@@ -418,10 +418,11 @@ class SmoothEvaluation {
 
   void moveMarks() {
     if (!memory_.hasLast) {
-      memory_.way_m = 0;
+      memory_.way_m = memory_.turn = 0;
       std::fill(memory_.mark_m.begin(), memory_.mark_m.end(), -kAlways);
     } else {
       memory_.way_m += calcLargestMotion(c_.corner_F, task_.X_FM, memory_.last_FM);
+      memory_.turn += (task_.X_FM.R - memory_.last_FM.R).norm();  // no less than the angle's chord
     }
     memory_.last_FM = task_.X_FM;
     memory_.hasLast = true;
@@ -434,37 +435,18 @@ class SmoothEvaluation {
     memory_.mark_m[element] = bound <= 0 ? way_m : -way_m;
   }
 
-  /** True when the last feet of an element's nodes tell that it cannot be in contact. */
+  /** True when an element's last test tells that it cannot be in contact. A shift of all nodes by the same amount along the normal
+   shifts the polynomial by just that. */
   bool isClear(int e) {
-    const auto& stencil = c_.stencil[static_cast<size_t>(e)];
-    double s[kStencil], error = 0;
-    for (size_t k = 0; k < kStencil; ++k) {
-      s[k] = 0;
-      if (stencil[k] < 0) continue;
-      const auto node = static_cast<size_t>(stencil[k]);
-      double* prediction = memory_.prediction.data() + 2 * node;
-      if (memory_.nodePredicted[node] != stamp_) {
-        memory_.nodePredicted[node] = stamp_;
-        prediction[1] = -1;
-        if (memory_.usable[node]) {
-          const Vec3 p_MA = locate(stencil[k]);
-          double distance_m = 0, error_m = 0;
-          if (c_.predictor->predict(memory_.feet[node], p_MA.data(), distance_m, error_m)) {
-            prediction[0] = -distance_m;
-            prediction[1] = error_m;
-          }
-        }
-      }
-      if (prediction[1] < 0) return false;
-      s[k] = prediction[0];
-      error = std::max(error, prediction[1]);
-    }
-    const int mask = c_.neighbors[static_cast<size_t>(e)];
-    double S[kMonomials];
-    calcCoefficients(s, mask, S);
-    const double bound = upperBound(S) + largestGain(mask) * error;
-    if (bound >= 0) return false;
-    setMark(static_cast<size_t>(e), bound, mask);
+    const auto i = static_cast<size_t>(e);
+    const ElementLook& look = memory_.look[i];
+    const Vec3 shift = locate(e) - Eigen::Map<const Vec3>(look.p_MA);
+    const double lever_m = (memory_.turn - look.turn) * c_.stencilReach_m;
+    const int mask = c_.neighbors[i];
+    const double error_m = c_.predictor->calcError(memory_.feet[i], c_.stencilReach_m, shift.norm(), lever_m);
+    const double bound = look.bound_m - shift.dot(Eigen::Map<const Vec3>(look.normal)) + largestGain(mask) * error_m;
+    if (!(bound < 0)) return false;
+    setMark(i, bound, mask);
     return true;
   }
 
@@ -488,6 +470,12 @@ class SmoothEvaluation {
       next += isTask;
       if (mask == c_.neighbors[e] && !byRay_) {
         setMark(e, bound, mask);
+        ElementLook& look = memory_.look[e];
+        const TrackedFoot& foot = memory_.feet[e];
+        look.bound_m = bound;
+        std::copy(foot.Q, foot.Q + 3, look.p_MA);
+        std::copy(foot.normal, foot.normal + 3, look.normal);
+        look.turn = memory_.turn;
       } else {
         const double nearest_m = findNearest(e);
         if (nearest_m > reach_m) {
@@ -603,11 +591,13 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
     place[3] = c.area_m2[k];
     place[7] = c.hF_m[k];
   }
+  c.stencilReach_m = 0;
   c.neighbors.resize(c.size());
   for (size_t e = 0; e < c.size(); ++e) {
     int mask = 0, corners = 0;
     for (size_t k = 1; k < 9; ++k) {
       if (c.stencil[e][k] < 0) continue;
+      c.stencilReach_m = std::max(c.stencilReach_m, (c.p_FA[static_cast<size_t>(c.stencil[e][k])] - c.p_FA[e]).norm());
       k < 5 ? mask |= 1 << (k - 1) : ++corners;
     }
     c.neighbors[e] = static_cast<unsigned char>(corners == 4 ? mask | 16 : mask);
@@ -636,8 +626,7 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   m.touched.resize((nodes + 63) / 64);
   m.nodes.reserve(nodes);
   m.query.resize(3 * nodes);
-  m.nodePredicted.resize(nodes);
-  m.prediction.resize(2 * nodes);
+  m.look.resize(n);
   m.candidates.reserve(n);
   m.candidateMask.resize(n);
   m.candidateBound.resize(n);

@@ -47,12 +47,13 @@ DistancePredictor::DistancePredictor(const ContactSurface& surface) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (size_t k = 0; k < search.tables.size(); ++k) {
     const PatchTables& t = search.tables[k];
-    Borders b = {-kInfinity, kInfinity, -kInfinity, kInfinity};
+    Borders b = {-kInfinity, kInfinity, -kInfinity, kInfinity, false};
     const auto& links = search.links[k];
     if (!t.u.closed && links[0].patch < 0) b.u0 = t.u.lo;
     if (!t.u.closed && links[1].patch < 0) b.u1 = t.u.hi;
     if (!t.v.closed && links[2].patch < 0) b.v0 = t.v.lo;
     if (!t.v.closed && links[3].patch < 0) b.v1 = t.v.hi;
+    b.open = b.u0 != -kInfinity || b.u1 != kInfinity || b.v0 != -kInfinity || b.v1 != kInfinity;
     borders_.push_back(b);
   }
 }

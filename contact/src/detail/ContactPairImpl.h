@@ -47,6 +47,7 @@ struct Compartment {
   std::vector<double> area_m2, hF_m;
   Numbers place;  // the four above together, see CellKernel.h
   std::vector<unsigned char> neighbors;  // of each element, as a mask (CellRule.h)
+  double stencilReach_m = 0;  // largest distance of a stencil's node from its element
   std::vector<ThicknessNote> note;
   std::array<Vec3, 8> corner_F;  // box around all nodes
   size_t size() const { return static_cast<size_t>(elements); }
@@ -88,8 +89,6 @@ struct CompartmentMemory {
   std::vector<unsigned long> touched;
   std::vector<int> nodes;              // queried in this evaluation
   Numbers query;
-  std::vector<unsigned> nodePredicted; // evaluation that predicted it last
-  Numbers prediction;                  // (s, error) of each node; error < 0: not known
   // Smooth rule, of elements:
   std::vector<int> candidates, candidateMask;
   Numbers candidateBound;
@@ -99,7 +98,9 @@ struct CompartmentMemory {
   // Way of the fastest point of the grid's box, summed over the evaluations, and what each element's mark
   // promises until then (SmoothRule.cpp).
   double way_m = 0;
+  double turn = 0;  // rotation, summed the same way
   std::vector<double> mark_m;
+  std::vector<ElementLook> look;
   Pose last_FM;
   bool hasLast = false;
 };

@@ -7,29 +7,39 @@
 
 namespace genu::contact::detail {
 
-/** Signed distance of a point near the one a foot belongs to, without a query: |distance - true one| <= error_m. False where
- that cannot be told: no foot, near an open border, or the way leads out of the zone where the foot is unique. */
+/** What an element's last test tells about a pose nearby, without a query. */
+struct ElementLook {
+  double bound_m;             // largest value of s in the cell then
+  double p_MA[3], normal[3];  // its centre, and the normal at the centre's foot
+  double turn;                // CompartmentMemory::turn then
+};
+
+/** How far a moving surface lets the signed distance of points change. */
 class DistancePredictor {
  public:
   explicit DistancePredictor(const ContactSurface& surface);
-  bool predict(const TrackedFoot& foot, const double Q[3], double& distance_m, double& error_m) const {
-    const double x = Q[0] - foot.Q[0], y = Q[1] - foot.Q[1], z = Q[2] - foot.Q[2];
-    const double square = x * x + y * y + z * z;
-    if (foot.patch < 0 || foot.status != QueryStatus::converged) return false;
-    const double reach = std::abs(foot.distance_m);
-    if (!(reach < safe_m_) || !(square < (safe_m_ - reach) * (safe_m_ - reach))) return false;
+  /** Bound of the change of s at any point within reach_m of one whose foot is known, beyond -normal . shift, when that one shifts by
+   shift_m and the others by at most lever_m more or less; infinite where that cannot be told: on the way out of the zone where feet
+   are unique, or near an open border. */
+  double calcError(const TrackedFoot& foot, double reach_m, double shift_m, double lever_m) const {
+    constexpr double kInfinity = 1e300;
+    const double way_m = shift_m + lever_m, span_m = reach_m + way_m;
+    if (foot.patch < 0 || !(std::abs(foot.distance_m) + span_m < safe_m_)) return kInfinity;
     const Borders& b = borders_[static_cast<size_t>(foot.patch)];
-    const double* j = foot.duvdQ;
-    const double du = 2 * (j[0] * x + j[1] * y + j[2] * z), dv = 2 * (j[3] * x + j[4] * y + j[5] * z);
-    if (!(foot.u + du > b.u0 && foot.u + du < b.u1 && foot.v + dv > b.v0 && foot.v + dv < b.v1)) return false;
-    distance_m = foot.distance_m + foot.normal[0] * x + foot.normal[1] * y + foot.normal[2] * z;
-    error_m = 0.5 * largestCurvature_perM_ * square;
-    return true;
+    if (b.open) {
+      const double* j = foot.duvdQ;
+      const double du = 2 * span_m * std::sqrt(j[0] * j[0] + j[1] * j[1] + j[2] * j[2]);
+      const double dv = 2 * span_m * std::sqrt(j[3] * j[3] + j[4] * j[4] + j[5] * j[5]);
+      if (!(foot.u - du > b.u0 && foot.u + du < b.u1 && foot.v - dv > b.v0 && foot.v + dv < b.v1)) return kInfinity;
+    }
+    // Normals turn by no more than the curvature times the distance.
+    return lever_m + largestCurvature_perM_ * (reach_m * shift_m + 0.5 * way_m * way_m);
   }
 
  private:
   struct Borders {
     double u0, u1, v0, v1;  // infinite where the surface goes on
+    bool open;
   };
   std::vector<Borders> borders_;
   double safe_m_, largestCurvature_perM_;
