@@ -147,6 +147,22 @@ class BackwardRunner final : public TaskRunner {
   int numThreads() const override { return 2; }
 };
 
+/** Threads of the standard library, new ones for every run: unlike oneTBB's, ThreadSanitizer sees how they begin and end. */
+class PlainThreads final : public TaskRunner {
+ public:
+  void run(int count, void (*task)(void*, int), void* context) const override {
+    std::atomic<int> next{0};
+    const auto work = [&] {
+      for (int i = next++; i < count; i = next++) task(context, i);
+    };
+    std::thread one(work), two(work);
+    work();
+    one.join();
+    two.join();
+  }
+  int numThreads() const override { return 3; }
+};
+
 struct Case {
   const char* name;
   Material material;
@@ -155,18 +171,34 @@ struct Case {
   double damping_sPerM;
   std::optional<Material> movingMaterial;
 };
-class ThreadsOnLaw : public testing::TestWithParam<Case> {};
+class ThreadsOnLaw : public testing::TestWithParam<Case> {
+ protected:
+  static ContactPair makePair() {
+    const Case& c = GetParam();
+    auto d = makeTwoCompartments(c.material, c.strain);
+    d.correction = c.correction;
+    d.damping_sPerM = c.damping_sPerM;
+    if (c.movingMaterial) {
+      d.movingMaterial = c.movingMaterial;
+      d.movingThickness = constantThickness(0.003);
+    }
+    return ContactPair(d);
+  }
+};
+
+TEST_P(ThreadsOnLaw, PlainThreadsGiveTheSame) {
+  const ContactPair pair = makePair();
+  const std::vector<Step> walk = makeWalk(findTouch(pair), 4, 12);
+  ContactPair::Options options;
+  options.withEnergy = options.withStiffness = true;
+  const PlainThreads threads;
+  const CountingRunner counting(threads);
+  expectSameBits(run(pair, walk, options, &counting), run(pair, walk, options, nullptr));
+  EXPECT_GT(counting.runs, 0);
+}
 
 TEST_P(ThreadsOnLaw, ResultsAreBitwiseEqual) {
-  const Case& c = GetParam();
-  auto d = makeTwoCompartments(c.material, c.strain);
-  d.correction = c.correction;
-  d.damping_sPerM = c.damping_sPerM;
-  if (c.movingMaterial) {
-    d.movingMaterial = c.movingMaterial;
-    d.movingThickness = constantThickness(0.003);
-  }
-  const ContactPair pair(d);
+  const ContactPair pair = makePair();
   const std::vector<Step> walk = makeWalk(findTouch(pair), 15, 11);
   ContactPair::Options options;
   options.withEnergy = options.withStiffness = true;
@@ -229,7 +261,7 @@ TEST(Threads, SmallEvaluationsStaySerial) {
   EXPECT_EQ(counting.runs, 0);
 }
 
-TEST(Threads, ManyUsersOfOnePair) {
+void expectManyUsersGetTheSame(const TaskRunner& threads) {
   // Each user has its own workspace, pose sequence and rates; all use the same pair, and half of them the same pool.
   auto d = makeTwoCompartments(uhmwpePowerLaw(), StrainMeasure::small, 60);
   d.damping_sPerM = 1;
@@ -244,7 +276,6 @@ TEST(Threads, ManyUsersOfOnePair) {
     walks.push_back(makeWalk(touch, 8, static_cast<unsigned>(k)));
     serial.push_back(run(pair, walks[k], options, nullptr));
   }
-  const Threads threads(3);
   std::atomic<size_t> ready{0};
   std::vector<std::thread> users;
   for (size_t k = 0; k < kUsers; ++k) {
@@ -260,6 +291,9 @@ TEST(Threads, ManyUsersOfOnePair) {
     expectSameBits(parallel[k], serial[k]);
   }
 }
+
+TEST(Threads, ManyUsersOfOnePair) { expectManyUsersGetTheSame(Threads(3)); }
+TEST(Threads, ManyUsersWithPlainThreads) { expectManyUsersGetTheSame(PlainThreads()); }
 
 TEST(Threads, EveryTaskRunsOnce) {
   const Threads threads(3);
