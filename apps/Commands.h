@@ -1,12 +1,14 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "Console.h"
+#include "genu/contact/TaskRunner.h"
 #include "genu/contact/Types.h"
 #include "genu/scene/Scene.h"
 #include "genu/scene/SceneFile.h"
@@ -28,6 +30,7 @@ struct RunOptions {
   std::string side = "right";
   bool noMaps = false, noPlots = false, keepFailed = false;
   bool noErrorEstimate = false;  ///< replay
+  int threads = 1;               ///< 0: all of the machine
 };
 
 struct ContactOptions {
@@ -37,6 +40,7 @@ struct ContactOptions {
   bool json = false;
   bool error = false;             ///< estimate the error of the grid
   std::optional<double> adaptive;  ///< refine until the estimates are within this share of the values
+  int threads = 1;
 };
 
 // Each returns an exit code or throws InputError or ComputationError.
@@ -46,6 +50,13 @@ int runReplayCommand(const RunOptions& options, const CommonOptions& common);
 int runContactCommand(const ContactOptions& options, const CommonOptions& common);
 int runCheckCommand(const std::filesystem::path& scene, const CommonOptions& common);
 int runExplainCommand(const std::filesystem::path& scene, const CommonOptions& common);
+
+/** The --threads of a command: nullptr for 1. @throws InputError not a number of threads, or this build has none */
+std::unique_ptr<const contact::TaskRunner> makeTaskRunner(int threads);
+/** Whether this build has threads for evaluations. */
+bool hasThreads();
+/** One line each on stderr: what scene::listWarnings says. */
+void warnAbout(const scene::Scene& scene);
 
 /** Pose of each contact pair's moving body in its fixed body, as a function of the joint's coordinates; reads the URDF
  only when a pair names links. */

@@ -69,6 +69,8 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
     checkFieldFolder(options.field);
   }
   const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, false));
+  warnAbout(scene);
+  const auto runner = makeTaskRunner(options.threads);
   ProgressMeter meter("contact", common.console);
   const auto pairs = scene::makeContactPairs(scene);
   const PairPoses poses(scene);
@@ -99,7 +101,7 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
       if (!r.advice.empty()) spdlog::warn("{}: {}", scene.contacts[p].name, r.advice);
       continue;
     }
-    workspaces.emplace_back(*pairs[p]);
+    workspaces.emplace_back(*pairs[p]).setTaskRunner(runner.get());
     pairs[p]->evaluate(poses.calcPose(q, p), workspaces[p], {true}, results[p]);
     if (options.error) contact::ErrorEstimator(*pairs[p]).evaluate(workspaces[p], errors.emplace_back());
   }
@@ -128,6 +130,8 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
   const std::string text = report::describeStatus(scene, results);
   if (options.json) {
     nlohmann::ordered_json json = report::toJson(scene, results, errors);
+    const std::vector<std::string> warnings = scene::listWarnings(scene);
+    if (!warnings.empty()) json["warnings"] = warnings;
     nlohmann::ordered_json grid;
     const auto names = report::listCompartmentNames(scene);
     size_t row = 0;

@@ -6,6 +6,7 @@
 
 #include "Commands.h"
 #include "genu/contact/ContactPair.h"
+#include "genu/contact/ContactSurface.h"
 #include "genu/io/Suggest.h"
 #include "genu/io/Units.h"
 #include "genu/model/Analysis.h"
@@ -85,6 +86,18 @@ const char* describe(contact::Tracking tracking) {
       return "breadth-first search from the last active set, then the rest checked (exact)";
     case contact::Tracking::breadthFirstUnguarded:
       return "breadth-first search only: can miss a new, separate region";
+  }
+  return "";
+}
+
+const char* describe(contact::Correction correction) {
+  switch (correction) {
+    case contact::Correction::midsurface:
+      return "midsurface (the force is not the gradient of an energy)";
+    case contact::Correction::none:
+      return "none";
+    case contact::Correction::energy:
+      return "energy (midsurface distance, force from the gradient of the energy)";
   }
   return "";
 }
@@ -187,11 +200,11 @@ void explainContact(const contact::ContactPair& pair, const scene::ContactSpec& 
   }
   fmt::print("  material: {}\n", describe(d.material));
   if (d.movingMaterial) fmt::print("  material of the moving layer: {}, in series\n", describe(*d.movingMaterial));
-  fmt::print("  strain: {}\n  distance: {}, {}\n", d.strain == contact::StrainMeasure::small ? "small" : "large",
-             d.distance == contact::DistanceMethod::ray ? "ray along the element's normal" : "minimum",
-             d.correction == contact::Correction::midsurface ? "midsurface correction" : "not corrected");
+  fmt::print("  strain: {}\n  distance: {}\n  correction: {}\n", d.strain == contact::StrainMeasure::small ? "small" : "large",
+             d.distance == contact::DistanceMethod::ray ? "ray along the element's normal" : "minimum", describe(d.correction));
   fmt::print("  rule: {}\n", d.rule == contact::ContactRule::smooth ? "smooth (pressure integrated over the part of each cell that touches)"
                                                                       : "centre (whole cells, by their centre)");
+  if (d.damping_sPerM > 0) fmt::print("  damping: {}, in dynamic analyses\n", io::formatQuantity(d.damping_sPerM, "s/m"));
   fmt::print("  tracking: {}\n", describe(d.tracking));
   if (d.copyTolerance >= 0)
     fmt::print("  a stored result is copied when no coordinate moved by more than {:g}\n", d.copyTolerance);
@@ -215,6 +228,12 @@ void explainAnalyses(const Scene& scene) {
   }
 }
 
+void explainEvaluation() {
+  fmt::print("\nEvaluation:\n  instruction set in use: {}\n  threads: {}\n", contact::activeInstructionSet(),
+             hasThreads() ? "1; --threads N of contact, replay, static and gait uses more (smooth rule)" : "1; this build has no more");
+  fmt::print("  error estimate: replay gives one with every load, contact with --error; none in static and gait\n");
+}
+
 void explainLeftOut(const Built& built) {
   const Scene& scene = built.scene;
   std::vector<std::string> left;
@@ -234,6 +253,16 @@ void explainLeftOut(const Built& built) {
     left.emplace_back("root finding for the pressure: the law is linear");
   } else if (all([](const Definition& d) { return d.rule == contact::ContactRule::smooth && !d.movingMaterial; })) {
     left.emplace_back("root finding for the pressure while running: the law is tabulated once");
+  }
+  if (all([](const Definition& d) {
+        return d.rule == contact::ContactRule::centre || d.movingMaterial ||
+               (d.material.law == contact::MaterialLaw::linear && d.strain == contact::StrainMeasure::small);
+      })) {
+    left.emplace_back("table of the pressure law: the law is linear, in series, or the rule is centre");
+  }
+  if (all([](const Definition& d) { return d.damping_sPerM == 0; })) left.emplace_back("damping of the contact: none given");
+  if (all([](const Definition& d) { return d.correction != contact::Correction::energy; })) {
+    left.emplace_back("gradient of the energy: no contact has correction: energy");
   }
   if (all([](const Definition& d) { return d.distance == contact::DistanceMethod::minimum; })) {
     left.emplace_back("ray firing: the distance is the minimum distance");
@@ -317,6 +346,7 @@ int runCheckCommand(const fs::path& file, const CommonOptions& common) {
   for (const auto& name : scene.unused) spdlog::warn("{}: defined, used by nothing", scene.where(name));
   std::string analyses = "contact";
   if (scene.model) analyses += scene.gait ? ", static, gait" : ", static";
+  warnAbout(scene);
   fmt::print("{}: no errors; ready for: {}\n", file.string(), analyses);
   return kOk;
 }
@@ -336,7 +366,9 @@ int runExplainCommand(const fs::path& file, const CommonOptions& common) {
   }
   for (size_t p = 0; p < built.pairs.size(); ++p) explainContact(*built.pairs[p], built.scene.contacts[p]);
   explainAnalyses(built.scene);
+  explainEvaluation();
   explainLeftOut(built);
+  warnAbout(built.scene);
   return kOk;
 }
 

@@ -7,6 +7,7 @@
 
 #include "Commands.h"
 #include "genu/model/Analysis.h"
+#include "genu/model/KneeSystem.h"
 #include "genu/report/ContactReport.h"
 #include "genu/report/OutputFolder.h"
 #include "genu/report/RunReport.h"
@@ -119,11 +120,15 @@ int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
   const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-static"));
   report::OutputFolder::check(folder);
   report::RunInfo info = makeInfo("static", folder, scene, options, common);
+  warnAbout(scene);
+  const auto runner = makeTaskRunner(options.threads);
 
   model::StaticResult result;
   {
     ProgressMeter meter("static analysis", common.console);
-    result = model::runStatic(scene, meter.callback());
+    model::KneeSystem knee(scene);
+    knee.contact().setTaskRunner(runner.get());
+    result = model::runStatic(knee, scene, meter.callback());
   }
   using Status = model::StaticResult::Status;
   scene::Trajectory trajectory;
@@ -154,11 +159,15 @@ int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
   const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-gait"));
   report::OutputFolder::check(folder);
   report::RunInfo info = makeInfo("gait", folder, scene, options, common);
+  warnAbout(scene);
+  const auto runner = makeTaskRunner(options.threads);
 
   model::GaitResult result;
   {
     ProgressMeter meter("gait", common.console);
-    result = model::runGait(scene, meter.callback());
+    model::KneeSystem knee(scene);
+    knee.contact().setTaskRunner(runner.get());
+    result = model::runGait(knee, scene, meter.callback());
   }
   if (result.settling) info.details["settling"] = toJson(*result.settling);
   return finish(scene, result, info, options, common);
@@ -185,12 +194,14 @@ int runReplayCommand(const RunOptions& options, const CommonOptions& common) {
   info.details["replayed"] = {{"folder", fs::absolute(options.scene).lexically_normal().string()},
                               {"analysis", run.analysis},
                               {"complete", run.complete}};
+  warnAbout(scene);
+  const auto runner = makeTaskRunner(options.threads);
   if (!run.complete) spdlog::warn("the run in {} is incomplete; so is its replay", options.scene.string());
 
   scene::Trajectory trajectory;
   {
     ProgressMeter meter("replay", common.console);
-    trajectory = model::replay(run.time_s, run.q, scene, meter.callback(), !options.noErrorEstimate);
+    trajectory = model::replay(run.time_s, run.q, scene, meter.callback(), !options.noErrorEstimate, runner.get());
   }
   return finish(scene, trajectory, info, runOptions, stored);
 }

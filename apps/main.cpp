@@ -32,6 +32,12 @@ void addCommonOptions(CLI::App& command, CommonOptions& common) {
   command.add_flag("--progress", common.console.progress, "Progress lines also where stderr is not a terminal");
 }
 
+void addThreads(CLI::App& command, int& threads) {
+  command.add_option("--threads", threads, "Threads for contact evaluations with enough to do; 0: all of the machine. Results are the same")
+      ->type_name("N")
+      ->capture_default_str();
+}
+
 void addRunOptions(CLI::App& command, RunOptions& options, const std::string& outputDefault,
                    const std::string& gridText) {
   command.add_option("-o,--output", options.output, "Folder for the results; default: " + outputDefault)
@@ -46,6 +52,7 @@ void addRunOptions(CLI::App& command, RunOptions& options, const std::string& ou
       ->capture_default_str();
   command.add_flag("--no-maps", options.noMaps, "No .vtp pressure maps and surfaces");
   command.add_flag("--no-plots", options.noPlots, "No plots");
+  addThreads(command, options.threads);
 }
 
 CLI::Option* addScene(CLI::App& command, std::filesystem::path& scene) {
@@ -127,6 +134,7 @@ int run(int argc, char** argv) {
       ->add_option("--field", contactOptions.field,
                    "Write the elements with pressure, penetration, ... to a .vtp or .csv")
       ->type_name("FILE");
+  addThreads(*command, contactOptions.threads);
   addCommonOptions(*command, common);
   command->footer(
       std::string("\nExamples:\n"

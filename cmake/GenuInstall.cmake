@@ -1,4 +1,5 @@
-# find_package(Genu COMPONENTS contact model): `contact` needs Eigen alone; the others bring what they were built with.
+# find_package(Genu COMPONENTS contact model): `contact` needs Eigen alone, `contact_threads` oneTBB too; the others bring what they were
+# built with.
 include(CMakePackageConfigHelpers)
 
 set(GENU_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/Genu)

@@ -289,11 +289,11 @@ gc::CompartmentDefinition toCompartment(const genu_compartment& c, int index) {
 gc::ContactPairDefinition toDefinition(const genu_pair_options& o) {
   require(o.compartments != nullptr && o.num_compartments > 0, "pair: at least one compartment is needed");
   require(o.strain == GENU_STRAIN_SMALL || o.strain == GENU_STRAIN_LARGE, "pair: unknown strain");
-  require(o.correction == GENU_CORRECTION_MIDSURFACE || o.correction == GENU_CORRECTION_NONE, "pair: unknown correction");
   require(o.distance == GENU_DISTANCE_MINIMUM || o.distance == GENU_DISTANCE_RAY, "pair: unknown distance");
   require(o.rule == GENU_RULE_SMOOTH || o.rule == GENU_RULE_CENTRE, "pair: unknown rule");
   require(std::isfinite(o.element_plane_y), "pair: element_plane_y is not a finite number");
   require(std::isfinite(o.copy_tolerance), "pair: copy_tolerance is not a finite number");
+  require(std::isfinite(o.damping), "pair: damping is not a finite number");
   gc::ContactPairDefinition d;
   for (int k = 0; k < o.num_compartments; ++k) d.compartments.push_back(toCompartment(o.compartments[k], k));
   for (int k = 0; o.element_surfaces && k < o.num_compartments; ++k) {
@@ -307,7 +307,12 @@ gc::ContactPairDefinition toDefinition(const genu_pair_options& o) {
   d.material = toMaterial(o.material);
   if (o.moving_material) d.movingMaterial = toMaterial(*o.moving_material);
   d.strain = o.strain == GENU_STRAIN_LARGE ? gc::StrainMeasure::large : gc::StrainMeasure::small;
-  d.correction = o.correction == GENU_CORRECTION_NONE ? gc::Correction::none : gc::Correction::midsurface;
+  switch (o.correction) {
+    case GENU_CORRECTION_MIDSURFACE: d.correction = gc::Correction::midsurface; break;
+    case GENU_CORRECTION_NONE: d.correction = gc::Correction::none; break;
+    case GENU_CORRECTION_ENERGY: d.correction = gc::Correction::energy; break;
+    default: throw std::invalid_argument("pair: unknown correction");
+  }
   d.distance = o.distance == GENU_DISTANCE_RAY ? gc::DistanceMethod::ray : gc::DistanceMethod::minimum;
   d.rule = o.rule == GENU_RULE_CENTRE ? gc::ContactRule::centre : gc::ContactRule::smooth;
   switch (o.tracking) {
@@ -318,6 +323,7 @@ gc::ContactPairDefinition toDefinition(const genu_pair_options& o) {
     default: throw std::invalid_argument("pair: unknown tracking");
   }
   d.copyTolerance = o.copy_tolerance;
+  d.damping_sPerM = o.damping;
   return d;
 }
 
@@ -606,15 +612,17 @@ genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, cons
     }
     const gc::JointCoordinates q = toCoordinates(coordinates);
     gc::ContactResult& r = workspace->result;
-    pair->pair->evaluate(q, workspace->workspace, o, r);
+    const gc::JointCoordinates qdot = rates ? toCoordinates(rates) : gc::JointCoordinates{};
+    pair->pair->evaluate(q, qdot, workspace->workspace, o, r);
     workspace->evaluated = true;
     copyLoad(r.total, made.total);
     made.power = !rates ? 0
-                        : gc::ContactPair::calcPower(r.total, gc::calcSpatialVelocity(q, toCoordinates(rates)),
+                        : gc::ContactPair::calcPower(r.total, gc::calcSpatialVelocity(q, qdot),
                                                      gc::Vec3(q[3], q[4], q[5]));
     for (int row = 0; row < 6; ++row) {
       for (int column = 0; column < 6; ++column) {
         made.stiffness[6 * row + column] = o.withStiffness ? r.stiffness(row, column) : 0;
+        made.damping[6 * row + column] = o.withStiffness ? r.damping(row, column) : 0;
       }
     }
     made.distance_queries = r.distanceQueries;

@@ -237,6 +237,7 @@ void ErrorEstimator::evaluate(const ContactWorkspace& ownWorkspace, ContactError
   if (!own.hasStored) return;
   if (!m.other) m.build();
   estimate.companionElements = m.other->numElements();
+  m.workspace->setTaskRunner(own.runner);
   m.other->evaluate(own.storedQ, own.storedRates, *m.workspace, {}, m.result);
   estimate.companionStatus = m.result.status;
 

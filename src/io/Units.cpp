@@ -74,7 +74,7 @@ struct DimensionInfo {
   const char* example;
 };
 
-constexpr std::array<DimensionInfo, 12> kDimensions = {{
+constexpr std::array<DimensionInfo, 13> kDimensions = {{
     {Dimension::dimensionless, "number", kNone, "none (a bare number), %", "0.46"},
     {Dimension::length, "length", kLength, "mm, cm, m, um", "8 mm"},
     {Dimension::angle, "angle", kAngle, "deg, rad", "30 deg"},
@@ -87,6 +87,7 @@ constexpr std::array<DimensionInfo, 12> kDimensions = {{
     {Dimension::acceleration, "acceleration", {1, 0, -2, 0}, "m/s^2, mm/s^2", "9.81 m/s^2"},
     {Dimension::damping, "damping", {0, 1, -1, 0}, "N s/m, N s/mm, kg/s", "1 N s/mm"},
     {Dimension::angularDamping, "rotational damping", {2, 1, -1, -1}, "N m s/rad, N m s/deg, N m s", "0.1 N m s/rad"},
+    {Dimension::inverseSpeed, "inverse speed", {-1, 0, 1, 0}, "s/m, s/mm", "0.5 s/m"},
 }};
 
 const DimensionInfo& infoOf(Dimension dimension) {

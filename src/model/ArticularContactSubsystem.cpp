@@ -1,6 +1,7 @@
 #include "genu/model/ArticularContactSubsystem.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -55,6 +56,9 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
     Attachment attachment;
   };
   std::vector<Pair> pairs;
+  const contact::TaskRunner* runner = nullptr;
+
+  bool isDamped(size_t pair) const { return pairs[pair].pair->definition().damping_sPerM > 0; }
 
   struct Frames {
     Transform X_GF, X_GM;
@@ -73,7 +77,7 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
     Workspaces& workspaces = updValue<Workspaces>(updCacheEntry(state, workspaceIndex_));
     if (workspaces.perPair.size() != pairs.size()) {
       workspaces.perPair.clear();
-      for (const Pair& pair : pairs) workspaces.perPair.emplace_back(*pair.pair);
+      for (const Pair& pair : pairs) workspaces.perPair.emplace_back(*pair.pair).setTaskRunner(runner);
     }
     return workspaces;
   }
@@ -87,35 +91,61 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
       results.resize(pairs.size());
       for (size_t i = 0; i < pairs.size(); ++i) {
         pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], {withEnergy, true}, results[i]);
-        ++workspaces.counters.evaluations;
-        workspaces.counters.copies += results[i].copied ? 1 : 0;
-        workspaces.counters.distanceQueries += results[i].distanceQueries;
+        count(workspaces.counters, results[i]);
       }
       markCacheValueRealized(state, index);
     }
     return getValue<Results>(getCacheEntry(state, index));
   }
 
+  contact::SpatialVelocity calcVelocity(const State& state, const Pair& pair) const {
+    const SimTK::SimbodyMatterSubsystem& matter = getMultibodySystem().getMatterSubsystem();
+    const Attachment& at = pair.attachment;
+    const SimTK::MobilizedBody& fixed = matter.getMobilizedBody(at.fixed);
+    const SimTK::MobilizedBody& moving = matter.getMobilizedBody(at.moving);
+    // Velocity of Mo relative to the point of the fixed body that coincides with it.
+    const SimTK::Vec3 p_FixedMo = fixed.findStationAtAnotherBodyStation(state, moving, at.X_MovingM.p());
+    const SimTK::Vec3 w_G = moving.getBodyAngularVelocity(state) - fixed.getBodyAngularVelocity(state);
+    const SimTK::Vec3 v_G = moving.findStationVelocityInGround(state, at.X_MovingM.p()) -
+                            fixed.findStationVelocityInGround(state, p_FixedMo);
+    const SimTK::Rotation R_GF = fixed.getBodyRotation(state) * at.X_FixedF.R();
+    return {toEigen(~R_GF * w_G), toEigen(~R_GF * v_G)};
+  }
+
+  /** Loads of the pairs that have damping; entries of the others are empty. */
+  const Results& getDampedResults(const State& state) const {
+    if (!isCacheValueRealized(state, dampedResultIndex_)) {
+      Workspaces& workspaces = updWorkspaces(state);
+      Results& results = updValue<Results>(updCacheEntry(state, dampedResultIndex_));
+      results.resize(pairs.size());
+      for (size_t i = 0; i < pairs.size(); ++i) {
+        if (!isDamped(i)) continue;
+        contact::JointCoordinates q = contact::calcCoordinates(calcPose(state, pairs[i]));
+        const contact::JointCoordinates qdot = calcCoordinateRates(q, calcVelocity(state, pairs[i]));
+        pairs[i].pair->evaluate(q, qdot, workspaces.perPair[i], {}, results[i]);
+        count(workspaces.counters, results[i]);
+      }
+      markCacheValueRealized(state, dampedResultIndex_);
+    }
+    return getValue<Results>(getCacheEntry(state, dampedResultIndex_));
+  }
+  /** The load that acts. */
+  const contact::ContactResult& getActing(const State& state, size_t pair) const {
+    return isDamped(pair) ? getDampedResults(state).at(pair) : getResults(state, false).at(pair);
+  }
+
   const PairRates& getRates(const State& state) const {
     if (!isCacheValueRealized(state, ratesIndex_)) {
-      const SimTK::SimbodyMatterSubsystem& matter = getMultibodySystem().getMatterSubsystem();
-      const Results& results = getResults(state, false);
       PairRates& rates = updValue<PairRates>(updCacheEntry(state, ratesIndex_));
       rates.resize(pairs.size());
       for (size_t i = 0; i < pairs.size(); ++i) {
-        const Attachment& at = pairs[i].attachment;
-        const SimTK::MobilizedBody& fixed = matter.getMobilizedBody(at.fixed);
-        const SimTK::MobilizedBody& moving = matter.getMobilizedBody(at.moving);
-        // Velocity of Mo relative to the point of the fixed body that coincides with it.
-        const SimTK::Vec3 p_FixedMo = fixed.findStationAtAnotherBodyStation(state, moving, at.X_MovingM.p());
-        const SimTK::Vec3 w_G = moving.getBodyAngularVelocity(state) - fixed.getBodyAngularVelocity(state);
-        const SimTK::Vec3 v_G = moving.findStationVelocityInGround(state, at.X_MovingM.p()) -
-                                fixed.findStationVelocityInGround(state, p_FixedMo);
-        const SimTK::Rotation R_GF = fixed.getBodyRotation(state) * at.X_FixedF.R();
-        rates[i].V_FM.w_FM = toEigen(~R_GF * w_G);
-        rates[i].V_FM.v_FMo = toEigen(~R_GF * v_G);
-        rates[i].power_W =
-            contact::ContactPair::calcPower(results[i].total, rates[i].V_FM, calcPose(state, pairs[i]).p);
+        rates[i].V_FM = calcVelocity(state, pairs[i]);
+        const contact::Vec3 p_FMo = calcPose(state, pairs[i]).p;
+        const auto calcPower = [&](const contact::ContactResult& result) {
+          return contact::ContactPair::calcPower(result.total, rates[i].V_FM, p_FMo);
+        };
+        rates[i].power_W = calcPower(getActing(state, i));
+        rates[i].dissipated_W = isDamped(i) ? calcPower(getResults(state, false)[i]) - rates[i].power_W : 0;
       }
       markCacheValueRealized(state, ratesIndex_);
     }
@@ -138,6 +168,7 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
     self->workspaceIndex_ = allocateCacheEntry(state, Stage::Topology, Stage::Infinity, new SimTK::Value<Workspaces>());
     self->resultIndex_ = allocateLazyCacheEntry(state, Stage::Position, new SimTK::Value<Results>());
     self->energyResultIndex_ = allocateLazyCacheEntry(state, Stage::Position, new SimTK::Value<Results>());
+    self->dampedResultIndex_ = allocateLazyCacheEntry(state, Stage::Velocity, new SimTK::Value<Results>());
     self->ratesIndex_ = allocateLazyCacheEntry(state, Stage::Velocity, new SimTK::Value<PairRates>());
     return 0;
   }
@@ -146,9 +177,8 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
     const SimTK::MultibodySystem& system = getMultibodySystem();
     const SimTK::SimbodyMatterSubsystem& matter = system.getMatterSubsystem();
     SimTK::Vector_<SimTK::SpatialVec>& bodyForces = system.updRigidBodyForces(state, Stage::Dynamics);
-    const Results& results = getResults(state, false);
     for (size_t i = 0; i < pairs.size(); ++i) {
-      const contact::NetLoad& load = results[i].total;
+      const contact::NetLoad& load = getActing(state, i).total;
       if (load.activeElements == 0) continue;
       const Attachment& at = pairs[i].attachment;
       const Transform X_GF = calcFrames(state, pairs[i]).X_GF;
@@ -161,7 +191,13 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
   }
 
  private:
-  CacheEntryIndex workspaceIndex_, resultIndex_, energyResultIndex_, ratesIndex_;
+  static void count(Counters& counters, const contact::ContactResult& result) {
+    ++counters.evaluations;
+    counters.copies += result.copied ? 1 : 0;
+    counters.distanceQueries += result.distanceQueries;
+  }
+
+  CacheEntryIndex workspaceIndex_, resultIndex_, energyResultIndex_, dampedResultIndex_, ratesIndex_;
 };
 
 ArticularContactSubsystem::ArticularContactSubsystem(SimTK::MultibodySystem& system) {
@@ -188,6 +224,12 @@ int ArticularContactSubsystem::addContactPair(const std::string& name, std::shar
   return static_cast<int>(own.pairs.size()) - 1;
 }
 
+void ArticularContactSubsystem::setTaskRunner(const contact::TaskRunner* runner) {
+  Guts& own = updGuts();
+  own.invalidateSubsystemTopologyCache();
+  own.runner = runner;
+}
+
 int ArticularContactSubsystem::numContactPairs() const { return static_cast<int>(guts().pairs.size()); }
 const std::string& ArticularContactSubsystem::name(int pair) const {
   return guts().pairs.at(static_cast<size_t>(pair)).name;
@@ -209,9 +251,26 @@ const contact::ContactResult& ArticularContactSubsystem::getResultWithEnergy(con
   return guts().getResults(state, true).at(static_cast<size_t>(pair));
 }
 contact::EvaluationStatus ArticularContactSubsystem::getStatus(const State& state) const {
+  // A damped load at hand has the status of the elastic one: no need to evaluate that too.
+  const bool hasRates = state.getSystemStage() >= Stage::Velocity;
+  const Guts& own = guts();
   contact::EvaluationStatus worst = contact::EvaluationStatus::ok;
-  for (const contact::ContactResult& result : guts().getResults(state, false)) worst = std::max(worst, result.status);
+  for (size_t i = 0; i < own.pairs.size(); ++i) {
+    worst = std::max(worst, (hasRates ? own.getActing(state, i) : own.getResults(state, false)[i]).status);
+  }
   return worst;
+}
+const contact::ContactResult& ArticularContactSubsystem::getDampedResult(const State& state, int pair) const {
+  guts().pairs.at(static_cast<size_t>(pair));
+  return guts().getActing(state, static_cast<size_t>(pair));
+}
+contact::ContactResult ArticularContactSubsystem::calcDampedResultWithEnergy(const State& state, int pair) const {
+  const contact::ContactResult& elastic = getResultWithEnergy(state, pair);
+  if (!guts().isDamped(static_cast<size_t>(pair))) return elastic;
+  contact::ContactResult result = getDampedResult(state, pair);
+  result.total.energy_J = elastic.total.energy_J;
+  for (size_t k = 0; k < result.compartments.size(); ++k) result.compartments[k].energy_J = elastic.compartments[k].energy_J;
+  return result;
 }
 const ArticularContactSubsystem::Rates& ArticularContactSubsystem::getRates(const State& state, int pair) const {
   return guts().getRates(state).at(static_cast<size_t>(pair));
@@ -226,6 +285,20 @@ std::vector<std::vector<contact::ElementField>> ArticularContactSubsystem::calcF
 }
 const ArticularContactSubsystem::Counters& ArticularContactSubsystem::getCounters(const State& state) const {
   return guts().getCounters(state);
+}
+
+contact::JointCoordinates ArticularContactSubsystem::calcCoordinateRates(contact::JointCoordinates& q,
+                                                                         const contact::SpatialVelocity& V) {
+  constexpr double kLock = 1e-10;  // [rad]; the rates then lose six digits of sixteen
+  if (std::abs(std::cos(q[1])) < kLock) q[1] = std::copysign(contact::kPi / 2 - kLock, q[1]);
+  // w = x qdot0 + Rx y qdot1 + Rx Ry z qdot2
+  const double s0 = std::sin(q[0]), c0 = std::cos(q[0]);
+  contact::JointCoordinates qdot;
+  qdot[2] = (c0 * V.w_FM.z() - s0 * V.w_FM.y()) / std::cos(q[1]);
+  qdot[1] = c0 * V.w_FM.y() + s0 * V.w_FM.z();
+  qdot[0] = V.w_FM.x() - std::sin(q[1]) * qdot[2];
+  for (int k = 0; k < 3; ++k) qdot[static_cast<size_t>(3 + k)] = V.v_FMo[k];
+  return qdot;
 }
 
 SimTK::SpatialVec ArticularContactSubsystem::toSpatialVecInG(const contact::NetLoad& load, const Transform& X_GF,

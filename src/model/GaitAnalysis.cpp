@@ -75,6 +75,11 @@ class KneeOde : public OdeProblem {
       }
       if (!checkStatus()) return false;
       system.realize(state_, SimTK::Stage::Acceleration);
+      for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
+        if (knee_.contact().contactPair(i).definition().damping_sPerM > 0) {
+          frame.contacts[static_cast<size_t>(i)] = knee_.contact().calcDampedResultWithEnergy(state_, i);
+        }
+      }
       frame.time_s = t;
       for (int i = 0; i < 6; ++i) {
         const auto k = static_cast<size_t>(i);
@@ -131,7 +136,7 @@ class KneeOde : public OdeProblem {
 
   bool hasContact() const {
     for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
-      if (knee_.contact().getResult(state_, i).total.activeElements > 0) return true;
+      if (knee_.contact().getDampedResult(state_, i).total.activeElements > 0) return true;
     }
     return false;
   }

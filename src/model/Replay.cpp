@@ -9,7 +9,8 @@
 namespace genu::model {
 
 scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<contact::JointCoordinates>& q,
-                         const scene::Scene& scene, const scene::Progress& progress, bool estimateErrors) {
+                         const scene::Scene& scene, const scene::Progress& progress, bool estimateErrors,
+                         const contact::TaskRunner* runner) {
   const auto wallStart = std::chrono::steady_clock::now();
   const double cpuStart = cpuTime_s();
   if (time_s.size() != q.size()) {
@@ -37,7 +38,7 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<co
   std::vector<contact::ContactWorkspace> workspaces;
   std::vector<contact::ErrorEstimator> estimators;
   for (const auto& pair : pairs) {
-    workspaces.emplace_back(*pair);
+    workspaces.emplace_back(*pair).setTaskRunner(runner);
     if (estimateErrors) estimators.emplace_back(*pair);
   }
 

@@ -558,6 +558,8 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   json["complete"] = trajectory.complete;
   json["status"] = trajectory.complete ? "complete" : trajectory.failed ? "failed" : "interrupted";
   json["status_text"] = trajectory.statusText;
+  const std::vector<std::string> warnings = scene::listWarnings(scene);
+  if (!warnings.empty()) json["warnings"] = warnings;
   json["contact_status"] = contact::toString(worstStatus(frame.contacts));
   json["written"] = nowUtc();
   json["scene"] = copyScene(out, scene, info.dataFolder);

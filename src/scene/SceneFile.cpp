@@ -547,7 +547,7 @@ class SceneReader {
   }
 
   void readContact(const YamlNode& node, size_t index) {
-    node.requireKeys({"fixed", "moving", "material", "strain", "distance", "correction", "rule", "tracking", "copy_tolerance",
+    node.requireKeys({"fixed", "moving", "material", "strain", "distance", "correction", "damping", "rule", "tracking", "copy_tolerance",
                       "element_plane", "grid_on", "compartments"});
     ContactSpec& spec = scene_.contacts[index];
     contact::ContactPairDefinition& definition = spec.definition;
@@ -590,9 +590,11 @@ class SceneReader {
                                                                          : contact::DistanceMethod::ray;
     }
     if (const auto correction = node.find("correction")) {
-      definition.correction = correction->getChoice({"midsurface", "none"}) == 0 ? contact::Correction::midsurface
-                                                                                 : contact::Correction::none;
+      constexpr std::array<contact::Correction, 3> all = {contact::Correction::midsurface, contact::Correction::none,
+                                                          contact::Correction::energy};
+      definition.correction = all[correction->getChoice({"midsurface", "none", "energy"})];
     }
+    if (const auto damping = node.find("damping")) definition.damping_sPerM = damping->getNonNegative(Dimension::inverseSpeed);
     if (const auto rule = node.find("rule")) {
       definition.rule = rule->getChoice({"smooth", "centre"}) == 0 ? contact::ContactRule::smooth : contact::ContactRule::centre;
     }
@@ -601,6 +603,13 @@ class SceneReader {
                                                         contact::Tracking::breadthFirst,
                                                         contact::Tracking::breadthFirstUnguarded};
       definition.tracking = all[tracking->getChoice({"all", "lipschitz", "breadth-first", "breadth-first-unguarded"})];
+    }
+    if (definition.correction == contact::Correction::energy) {
+      const YamlNode correction = node.get("correction", "");
+      if (definition.rule == contact::ContactRule::centre) {
+        correction.fail("is energy, the gradient of the smooth rule's energy; with rule: centre it is midsurface or none");
+      }
+      if (definition.damping_sPerM > 0) correction.fail("is energy, which has no damping; remove the damping, or choose midsurface or none");
     }
     if (const auto tolerance = node.find("copy_tolerance")) {
       const bool never = tolerance->isScalar() && tolerance->getText("a length or never") == "never";
@@ -1164,6 +1173,17 @@ std::vector<std::shared_ptr<const contact::ContactPair>> makeContactPairs(const 
     }
   }
   return pairs;
+}
+
+std::vector<std::string> listWarnings(const Scene& scene) {
+  std::vector<std::string> warnings;
+  for (const ContactSpec& spec : scene.contacts) {
+    if (spec.definition.tracking != contact::Tracking::breadthFirstUnguarded) continue;
+    warnings.push_back(scene.where("contact." + spec.name + ".tracking") +
+                       ": breadth-first-unguarded can miss a new, separate contact region; the load may be wrong by all of it; "
+                       "lipschitz is exact and faster");
+  }
+  return warnings;
 }
 
 contact::JointCoordinates parsePose(const std::string& text, const std::string& where) {

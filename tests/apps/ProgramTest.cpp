@@ -1,5 +1,9 @@
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <pugixml.hpp>
 
@@ -221,6 +225,126 @@ TEST_F(Runs, ExplainNamesWhatIsThereAndWhatIsNot) {
     EXPECT_THAT(outcome.out, HasSubstr(part));
   }
   EXPECT_THAT(outcome.out, ::testing::Not(HasSubstr("damping of the coordinates: none")));
+}
+
+TEST_F(Runs, ExplainTellsHowContactIsEvaluated) {
+  write("damped.yaml", replaced(kKnee, "    material: polyethylene\n", "    material: polyethylene\n    damping: 0.5 s/m\n"));
+  write("energy.yaml", replaced(kKnee, "    material: polyethylene\n", "    material: polyethylene\n    correction: energy\n"));
+  const Outcome plain = run({"explain", "knee.yaml"}), damped = run({"explain", "damped.yaml"}), energy = run({"explain", "energy.yaml"});
+  for (const char* part : {"rule: smooth", "distance: minimum", "correction: midsurface", "instruction set in use: ", "threads: 1", "error estimate: ",
+                           "table of the pressure law: ", "damping of the contact: none", "gradient of the energy: "}) {
+    EXPECT_THAT(plain.out, HasSubstr(part));
+  }
+  EXPECT_THAT(damped.out, HasSubstr("damping: 0.5 s/m"));
+  EXPECT_THAT(damped.out, ::testing::Not(HasSubstr("damping of the contact: none")));
+  EXPECT_THAT(energy.out, HasSubstr("correction: energy"));
+  EXPECT_THAT(energy.out, ::testing::Not(HasSubstr("gradient of the energy: no")));
+}
+
+TEST_F(Runs, DampingActsInGaitAndNotInStatic) {
+  write("damped.yaml", replaced(kKnee, "    material: polyethylene\n", "    material: polyethylene\n    damping: 20 s/m\n"));
+  const auto finalForce = [&](const char* command, const char* scene, const char* folder) {
+    const Outcome outcome = run({command, scene, "--output", folder, "--no-plots", "--no-maps"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.err;
+    const io::Table table = io::readTable(folder_ / folder / "motion.sto");
+    const int column = table.findColumn("y_m") >= 0 ? table.findColumn("y_m") : table.findColumn("y");
+    return table.data.at(static_cast<size_t>(column));
+  };
+  EXPECT_EQ(finalForce("static", "knee.yaml", "s0"), finalForce("static", "damped.yaml", "s1"));
+  const auto plain = finalForce("gait", "knee.yaml", "g0"), damped = finalForce("gait", "damped.yaml", "g1");
+  ASSERT_EQ(plain.size(), damped.size());
+  EXPECT_NE(plain, damped);
+  // The motion follows the load so slowly, 0.1 mm in 0.05 s, that the factor 1 + c v = 1.04 moves y by 2 % of 0.2 mm.
+  for (size_t i = 0; i < plain.size(); ++i) EXPECT_NEAR(plain[i], damped[i], 4e-6) << i;
+}
+
+TEST_F(Runs, ThreadsChangeNoNumber) {
+  write("fine.yaml", replaced(replaced(kKnee, "grid: 20x20", "grid: 80x80"), "grid: 20x20", "grid: 80x80"));
+  const auto readAll = [&](const std::string& file) {
+    std::ifstream in(folder_ / file, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const Outcome one = run({"gait", "fine.yaml", "--output", "one", "--no-plots", "--no-maps"});
+  ASSERT_EQ(one.exitCode, 0) << one.err;
+  const Outcome two = run({"gait", "fine.yaml", "--output", "two", "--no-plots", "--no-maps", "--threads", "2"});
+#ifdef GENU_WITH_CONTACT_THREADS
+  ASSERT_EQ(two.exitCode, 0) << two.err;
+  EXPECT_GT(readAll("one/contact.sto").size(), 1000u);
+  EXPECT_EQ(readAll("one/contact.sto"), readAll("two/contact.sto"));
+  EXPECT_EQ(readAll("one/motion.sto"), readAll("two/motion.sto"));
+  ASSERT_EQ(run({"replay", "one", "--output", "r1", "--no-plots", "--no-maps"}).exitCode, 0);
+  ASSERT_EQ(run({"replay", "one", "--output", "r0", "--no-plots", "--no-maps", "--threads", "0"}).exitCode, 0);
+  EXPECT_EQ(readAll("r1/contact.sto"), readAll("r0/contact.sto"));
+#else
+  EXPECT_EQ(two.exitCode, 2);
+  EXPECT_THAT(two.err, HasSubstr("GENU_WITH_CONTACT_THREADS"));
+#endif
+  const Outcome bad = run({"gait", "fine.yaml", "--output", "bad", "--threads", "-1"});
+  EXPECT_EQ(bad.exitCode, 2);
+  EXPECT_THAT(bad.err, HasSubstr("--threads -1: allowed: 1 to 1024"));
+  EXPECT_FALSE(fs::exists(folder_ / "bad"));
+}
+
+/** A ring lies in a trough and touches it on two opposite sides; it is tilted at first so that only one of them touches. */
+constexpr const char* kRing = R"(genu: 1
+surfaces:
+  trough: {dish: {y0: 6 mm, Rs: 40 mm, Rf: .inf}, extent: 20 mm}
+  ring: {torus: {Rs: 10 mm, Rf: 3 mm}, pose: "90 deg, 0 deg, 0 deg, 0 mm, 0 mm, 0 mm"}
+materials:
+  polyethylene: {E: 463 MPa, nu: 0.46}
+contact:
+  knee:
+    fixed: {surface: trough, thickness: 6 mm}
+    moving: {surface: ring}
+    material: polyethylene
+    tracking: breadth-first-unguarded
+    compartments: {all: {rectangle: "-12 mm, 12 mm, -12 mm, 12 mm", grid: 60x60}}
+model:
+  urdf: knee.urdf
+  joint: knee
+  coordinates:
+    rx: {prescribed: 0 deg}
+    ry: {prescribed: 0 deg}
+    rz: {prescribed: {table: tilt.csv, column: rz, unit: deg}}
+    x: {prescribed: 0 mm}
+    y: {prescribed: 9.57 mm}
+    z: {prescribed: 0 mm}
+analysis:
+  gait: {duration: 0.2 s, output_interval: 10 ms}
+)";
+
+TEST_F(Runs, TheUnguardedSearchWarnsAndMissesContact) {
+  write("tilt.csv", "time,rz\n0,2\n0.1,1\n0.2,0\n");
+  write("search.yaml", kRing);
+  write("exact.yaml", replaced(kRing, "breadth-first-unguarded", "lipschitz"));
+  const auto countWarnings = [](const std::string& text) {
+    size_t count = 0;
+    for (size_t at = text.find("can miss a new"); at != std::string::npos; at = text.find("can miss a new", at + 1)) ++count;
+    return count;
+  };
+  const Outcome search = run({"gait", "search.yaml", "--output", "search", "--no-plots", "--no-maps"});
+  ASSERT_EQ(search.exitCode, 0) << search.err;
+  const Outcome exact = run({"gait", "exact.yaml", "--output", "exact", "--no-plots", "--no-maps"});
+  ASSERT_EQ(exact.exitCode, 0) << exact.err;
+  EXPECT_EQ(countWarnings(search.err), 1u) << search.err;
+  EXPECT_EQ(countWarnings(exact.err), 0u);
+  EXPECT_THAT(search.err, HasSubstr("the load may be wrong by all of it; lipschitz is exact and faster"));
+  ASSERT_EQ(summary("search").at("warnings").size(), 1u);
+  EXPECT_THAT(summary("search").at("warnings").at(0).get<std::string>(), HasSubstr("contact.knee.tracking: breadth-first-unguarded"));
+  EXPECT_FALSE(summary("exact").contains("warnings"));
+  const auto forces = [&](const char* folder) {
+    const io::Table table = io::readTable(folder_ / folder / "contact.sto");
+    return table.data.at(static_cast<size_t>(table.findColumn("total.force_y_N")));
+  };
+  const auto found = forces("search"), all = forces("exact");
+  ASSERT_EQ(found.size(), all.size());
+  EXPECT_GT(all.front(), 10);
+  EXPECT_NEAR(found.front() / all.front(), 1, 1e-12);  // the first evaluation looks everywhere
+  // Level, both sides carry the same; the search knows one of them.
+  EXPECT_NEAR(found.back() / all.back(), 0.5, 0.01);
+  std::printf("unguarded search: %.1f N of %.1f N\n", found.back(), all.back());
+  EXPECT_EQ(countWarnings(run({"check", "search.yaml"}).err), 1u);
+  EXPECT_EQ(countWarnings(run({"explain", "search.yaml"}).err), 1u);
 }
 
 TEST_F(Runs, ReplayDoesNotOverwriteWhatItReplays) {

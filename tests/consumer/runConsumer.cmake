@@ -12,10 +12,16 @@ if(SANITIZE)
   set(flags "-fsanitize=${SANITIZE}")
 endif()
 run(${CMAKE_COMMAND} -S ${CONSUMER_SOURCE_DIR} -B ${WORK_DIR}/build -G ${GENERATOR} -DCMAKE_BUILD_TYPE=${CONFIG}
-    -DCMAKE_CXX_COMPILER=${COMPILER} -DCMAKE_PREFIX_PATH=${WORK_DIR}/prefix -DCMAKE_CXX_FLAGS=${flags})
+    -DCMAKE_CXX_COMPILER=${COMPILER} -DCMAKE_PREFIX_PATH=${WORK_DIR}/prefix -DCMAKE_CXX_FLAGS=${flags}
+    -DUSE_THREADS=${THREADS})
 run(${CMAKE_COMMAND} --build ${WORK_DIR}/build)
 run(${WORK_DIR}/build/use_contact)
 run(${WORK_DIR}/build/use_model)
+if(THREADS)
+  run(${WORK_DIR}/build/use_threads)
+endif()
+# The installed program finds the libraries beside it.
+run(${WORK_DIR}/prefix/bin/genu --version)
 
 # A component that does not exist must be refused by name.
 file(WRITE ${WORK_DIR}/refused/CMakeLists.txt

@@ -251,7 +251,7 @@ TEST(CInterface, PairRefusesBadOptions) {
   EXPECT_THAT(whyNot([](auto& o) { o.element_plane_y = kNaN; }), HasSubstr("element_plane_y"));
   EXPECT_THAT(whyNot([](auto& o) { o.copy_tolerance = kNaN; }), HasSubstr("copy_tolerance"));
   EXPECT_THAT(whyNot([](auto& o) { o.strain = static_cast<genu_strain>(2); }), HasSubstr("unknown strain"));
-  EXPECT_THAT(whyNot([](auto& o) { o.correction = static_cast<genu_correction>(2); }), HasSubstr("unknown correction"));
+  EXPECT_THAT(whyNot([](auto& o) { o.correction = static_cast<genu_correction>(3); }), HasSubstr("unknown correction"));
   EXPECT_THAT(whyNot([](auto& o) { o.distance = static_cast<genu_distance>(2); }), HasSubstr("unknown distance"));
   EXPECT_THAT(whyNot([](auto& o) { o.rule = static_cast<genu_rule>(2); }), HasSubstr("unknown rule"));
   EXPECT_THAT(whyNot([](auto& o) { o.tracking = static_cast<genu_tracking>(4); }), HasSubstr("unknown tracking"));
@@ -573,7 +573,107 @@ TEST(CInterface, StatusSaysHowFarTheResultHolds) {
   EXPECT_EQ(s.force(q), 0);
 }
 
-// The same pair through both interfaces: the same numbers, bit by bit.
+TEST(CInterface, DampingReadsTheRates) {
+  SphereOnLayer s;
+  const double elastic = s.force(kPressed);
+  s.options.damping = 10;  // [s/m]
+  const Pair pair = s.makePair();
+  const Workspace workspace = makeWorkspace(pair);
+  genu_evaluate_options options;
+  genu_evaluate_options_init(&options, sizeof options);
+  options.with_stiffness = 1;
+  const auto evaluate = [&](const double* rates) {
+    genu_result result = makeResult();
+    EXPECT_EQ(genu_evaluate(pair.get(), workspace.get(), kPressed, rates, &options, &result, nullptr, 0), GENU_OK) << genu_last_error();
+    return result;
+  };
+  const double down[6] = {0, 0, 0, 0, -0.05, 0}, still[6] = {};
+  // NULL is at rest, the elastic load, whatever was asked before: up to the rounding of warm closest points, 1e-17 m of 2e-4 m.
+  EXPECT_EQ(evaluate(nullptr).total.force_on_moving[1], elastic);
+  const genu_result damped = evaluate(down);
+  EXPECT_EQ(damped.copied, 0);
+  EXPECT_NEAR(evaluate(nullptr).total.force_on_moving[1] / elastic, 1, 1e-12);
+  EXPECT_NEAR(evaluate(still).total.force_on_moving[1] / elastic, 1, 1e-12);
+  EXPECT_NEAR(evaluate(down).total.force_on_moving[1] / damped.total.force_on_moving[1], 1, 1e-12);
+  // 1 + c v cos(theta/2), theta/2 at most 0.058 at the rim (DampingTest).
+  const double factor = damped.total.force_on_moving[1] / elastic;
+  EXPECT_LT(factor, 1.5);
+  EXPECT_GT(factor, 1.5 - 0.5 * 1.7e-3);
+  EXPECT_NEAR(damped.power, -0.05 * damped.total.force_on_moving[1], 1e-12 * damped.power * -1);
+  // Nothing is cut off at these rates, so that the load is linear in them: it is the elastic one plus matrix times rates, up to
+  // rounding (moments of 0.5 N m about F's origin against 1e-12 of a force of 2000 N).
+  const double rates[6] = {0.2, -0.1, 0.3, 0.01, -0.02, 0.015};
+  const genu_result moving = evaluate(rates), rest = evaluate(nullptr);
+  const auto pick = [](const genu_load& l, int row) {
+    return row < 3 ? l.force_on_moving[row] : l.moment_on_moving_about_fixed_origin[row - 3];
+  };
+  double largest = 0;
+  for (int row = 0; row < 6; ++row) {
+    double expected = pick(rest.total, row);
+    for (int column = 0; column < 6; ++column) {
+      expected += moving.damping[6 * row + column] * rates[column];
+      largest = std::max(largest, std::abs(moving.damping[6 * row + column]));
+    }
+    EXPECT_NEAR(pick(moving.total, row), expected, 1e-9) << row;
+  }
+  EXPECT_GT(largest, 1000);  // c F
+  options.with_stiffness = 0;
+  for (const double value : evaluate(down).damping) EXPECT_EQ(value, 0);
+
+  // A program built before there was damping: not read, none.
+  s.options.struct_size = offsetof(genu_pair_options, damping);
+  EXPECT_EQ(s.force(kPressed), elastic);
+  {
+    const Pair older = s.makePair();
+    const Workspace own = makeWorkspace(older);
+    genu_result result;
+    std::memset(&result, 0x5a, sizeof result);
+    result.struct_size = offsetof(genu_result, damping);
+    ASSERT_EQ(genu_evaluate(older.get(), own.get(), kPressed, down, nullptr, &result, nullptr, 0), GENU_OK);
+    EXPECT_EQ(result.total.force_on_moving[1], elastic);
+    double untouched;
+    std::memset(&untouched, 0x5a, sizeof untouched);
+    EXPECT_EQ(std::memcmp(&result.damping[0], &untouched, sizeof untouched), 0);
+  }
+  s.options.struct_size = sizeof s.options;
+  s.options.damping = -1;
+  EXPECT_THAT(s.whyNot(), HasSubstr("damping = -1 s/m"));
+  s.options.damping = kNaN;
+  EXPECT_THAT(s.whyNot(), HasSubstr("damping is not a finite number"));
+  s.options.damping = 1;
+  s.options.correction = GENU_CORRECTION_ENERGY;
+  EXPECT_THAT(s.whyNot(), HasSubstr("correction energy with damping"));
+}
+
+TEST(CInterface, EnergyFormIsTheGradientOfTheEnergy) {
+  SphereOnLayer s;
+  s.options.correction = GENU_CORRECTION_ENERGY;
+  const Pair pair = s.makePair();
+  const Workspace workspace = makeWorkspace(pair);
+  genu_evaluate_options options;
+  genu_evaluate_options_init(&options, sizeof options);
+  options.with_energy = 1;
+  const auto evaluate = [&](double y) {
+    double q[6];
+    std::copy(kPressed, kPressed + 6, q);
+    q[4] = y;
+    genu_result result = makeResult();
+    EXPECT_EQ(genu_evaluate(pair.get(), workspace.get(), q, nullptr, &options, &result, nullptr, 0), GENU_OK);
+    return result.total;
+  };
+  // Five-point difference over h = 1e-6 m of U ~ D^3, D = 0.2 mm: h^4 U^(5)/30 is below (h/D)^4 = 1e-9 of F; rounding 1e-16 U/(h F) =
+  // 1e-16 D/(3 h) = 1e-14; kinks of the third derivative as cells switch add (h/D)^2 times a cell's share, 1/700: 4e-8.
+  const double h = 1e-6, y = kPressed[4];
+  const double slope = (evaluate(y - 2 * h).energy - 8 * evaluate(y - h).energy + 8 * evaluate(y + h).energy - evaluate(y + 2 * h).energy) / (12 * h);
+  const double force = evaluate(y).force_on_moving[1];
+  EXPECT_NEAR(-slope / force, 1, 1e-7);
+  s.options.correction = GENU_CORRECTION_MIDSURFACE;
+  EXPECT_GT(std::abs(s.force(kPressed) / force - 1), 1e-5);  // another load than the paper's
+  s.options.correction = GENU_CORRECTION_ENERGY;
+  s.options.rule = GENU_RULE_CENTRE;
+  EXPECT_THAT(s.whyNot(), HasSubstr("centre rule"));
+}
+
 TEST(CInterface, ErrorEstimateOfTheLastEvaluation) {
   SphereOnLayer scene;
   for (genu_compartment& c : scene.compartments) c.nx = 6, c.nz = 12;
@@ -614,6 +714,7 @@ TEST(CInterface, ErrorEstimateOfTheLastEvaluation) {
   EXPECT_EQ(genu_estimate_error(other.get(), workspace.get(), GENU_COMPANION_FINE, &estimate, nullptr, 0), GENU_BAD_ARGUMENT);
 }
 
+// The same pair through both interfaces: the same numbers, bit by bit.
 TEST(CInterface, EqualsTheCppInterface) {
   namespace gc = genu::contact;
   gc::ContactPairDefinition d;

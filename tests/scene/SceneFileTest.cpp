@@ -124,6 +124,29 @@ TEST(SceneFile, EveryAnalyticSurface) {
   }
 }
 
+TEST(SceneFile, DampingAndTheEnergyForm) {
+  const auto with = [](const std::string& keys) { return replaced(kSphere, "    material: insert", "    material: insert\n" + keys); };
+  EXPECT_EQ(parse(kSphere).contacts[0].definition.damping_sPerM, 0);
+  EXPECT_EQ(parse(with("    damping: 0.5 s/m")).contacts[0].definition.damping_sPerM, 0.5);
+  EXPECT_EQ(parse(with("    damping: 0.002 s/mm")).contacts[0].definition.damping_sPerM, 2);
+  EXPECT_EQ(parse(with("    correction: energy")).contacts[0].definition.correction, contact::Correction::energy);
+  const auto message = [&](const std::string& keys) { return messageOf([&] { parse(with(keys)); }); };
+  EXPECT_THAT(message("    damping: 0.5"), AllOf(HasSubstr(".damping: \"0.5\" has no unit"), HasSubstr("s/m, s/mm")));
+  EXPECT_THAT(message("    damping: 5 N s/m"), AllOf(HasSubstr("is a damping"), HasSubstr("an inverse speed is needed")));
+  EXPECT_THAT(message("    damping: -1 s/m"), AllOf(HasSubstr(".damping"), HasSubstr("-1 s/m"), HasSubstr(">= 0")));
+  EXPECT_THAT(message("    correction: energetic"), HasSubstr("midsurface, none, energy"));
+  EXPECT_THAT(message("    correction: energy\n    rule: centre"), AllOf(HasSubstr(".correction: is energy"), HasSubstr("rule: centre")));
+  EXPECT_THAT(message("    correction: energy\n    damping: 1 s/m"), AllOf(HasSubstr(".correction: is energy"), HasSubstr("damping")));
+}
+
+TEST(SceneFile, WarnsOfTheUnguardedSearchAlone) {
+  EXPECT_TRUE(listWarnings(parse(kSphere)).empty());
+  const auto warnings = listWarnings(parse(replaced(kSphere, "    material: insert", "    material: insert\n    tracking: breadth-first-unguarded")));
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], AllOf(HasSubstr(".tracking: breadth-first-unguarded can miss a new, separate contact region"),
+                                 HasSubstr("the load may be wrong by all of it"), HasSubstr("lipschitz is exact and faster")));
+}
+
 TEST(SceneFile, PoseMovesTheSurface) {
   const Scene scene = parse(replaced(kSphere, "sphere: {R: 30 mm}",
                                      "sphere: {R: 30 mm}, pose: [0 deg, 0 deg, 90 deg, 10 mm, 20 mm, -30 mm]"));

@@ -42,6 +42,8 @@ TEST(Units, ReadsCommonQuantities) {
   EXPECT_EQ(parseQuantity("0.2 N m s/rad", Dimension::angularDamping, "k"), 0.2);
   EXPECT_EQ(parseQuantity("0.2 N m s", Dimension::angularDamping, "k"), 0.2);
   EXPECT_EQ(parseQuantity("0 mm", Dimension::length, "k"), 0);
+  EXPECT_EQ(parseQuantity("0.5 s/m", Dimension::inverseSpeed, "k"), 0.5);
+  EXPECT_EQ(parseQuantity("2 s/mm", Dimension::inverseSpeed, "k"), 2000);
   // Two roundings: of pi/180 and of the product.
   EXPECT_NEAR(parseQuantity("30 deg", Dimension::angle, "k"), contact::kPi / 6, 2e-16);
   EXPECT_NEAR(parseQuantity("463 N/mm^2", Dimension::pressure, "k"), 463e6, 463e6 * 4e-16);

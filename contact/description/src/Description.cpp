@@ -401,7 +401,7 @@ genu_status createFromJson(const char* text, genu_pair** out) {
   }
   requireObject(j, "", {"genu_contact", "surfaces", "compartments", "element_plane_y", "fixed_thickness",
                         "moving_thickness", "material", "moving_material", "strain", "distance", "correction", "rule",
-                        "tracking", "copy_tolerance", "grid_on"});
+                        "tracking", "copy_tolerance", "grid_on", "damping"});
   toInteger(get(j, "", "genu_contact"), "genu_contact", 1, 1);  // version of the format
   const Surfaces surfaces(get(j, "", "surfaces"));
 
@@ -450,11 +450,12 @@ genu_status createFromJson(const char* text, genu_pair** out) {
   }
   options.strain = static_cast<genu_strain>(choiceOr(j, "", "strain", {"small", "large"}));
   options.distance = static_cast<genu_distance>(choiceOr(j, "", "distance", {"minimum", "ray"}));
-  options.correction = static_cast<genu_correction>(choiceOr(j, "", "correction", {"midsurface", "none"}));
+  options.correction = static_cast<genu_correction>(choiceOr(j, "", "correction", {"midsurface", "none", "energy"}));
   options.rule = static_cast<genu_rule>(choiceOr(j, "", "rule", {"smooth", "centre"}));
   options.tracking = static_cast<genu_tracking>(
       choiceOr(j, "", "tracking", {"lipschitz", "all", "breadth_first", "breadth_first_unguarded"}));
   options.copy_tolerance = numberOr(j, "", "copy_tolerance", 0);
+  options.damping = numberOr(j, "", "damping", 0);
   check(genu_pair_create(&options, out), "");
   return GENU_OK;
 }

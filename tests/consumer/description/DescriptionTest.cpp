@@ -101,6 +101,37 @@ TEST(Description, SphereOnLayer) {
   EXPECT_NEAR(force(create(power)) / 531.924701, 1, 1.4e-4);
 }
 
+TEST(Description, DampingAndEnergyForm) {
+  const auto evaluate = [](const Pair& pair, const double* rates) {
+    genu_workspace* workspace = nullptr;
+    EXPECT_EQ(genu_workspace_create(pair.get(), &workspace), GENU_OK);
+    genu_result result;
+    genu_result_init(&result, sizeof result);
+    const double q[6] = {0, 0, 0, 0, 0.0358, 0};
+    EXPECT_EQ(genu_evaluate(pair.get(), workspace, q, rates, nullptr, &result, nullptr, 0), GENU_OK);
+    genu_workspace_destroy(workspace);
+    return result.total.force_on_moving[1];
+  };
+  const double down[6] = {0, 0, 0, 0, -0.05, 0};
+  const Pair damped = create(replaced(kSphereOnLayer, "\"material\"", "\"damping\": 10, \"material\""));
+  const double elastic = evaluate(damped, nullptr);
+  EXPECT_EQ(elastic, evaluate(create(kSphereOnLayer), down));
+  // 1 + c v cos(theta/2), theta/2 at most 0.058 at the rim
+  EXPECT_NEAR(evaluate(damped, down) / elastic, 1.5, 0.5 * 1.7e-3);
+  // The energy form differs from the paper's in the order of theta^2 = 0.013 at the rim, a third of it on average at most.
+  const double energy = evaluate(create(replaced(kSphereOnLayer, "\"material\"", "\"correction\": \"energy\", \"material\"")), nullptr);
+  EXPECT_NE(energy, elastic);
+  EXPECT_NEAR(energy / elastic, 1, 0.005);
+  genu_pair* pair = nullptr;
+  const auto whyNot = [&](const char* keys) {
+    EXPECT_EQ(genu_pair_create_from_json(replaced(kSphereOnLayer, "\"material\"", keys).c_str(), &pair), GENU_BAD_ARGUMENT);
+    return std::string(genu_last_error());
+  };
+  EXPECT_THAT(whyNot("\"damping\": \"0.5 s/m\", \"material\""), HasSubstr("damping: \"0.5 s/m\" is not allowed; allowed: a number"));
+  EXPECT_THAT(whyNot("\"damping\": -1, \"material\""), HasSubstr("damping = -1 s/m"));
+  EXPECT_THAT(whyNot("\"correction\": \"all\", \"material\""), HasSubstr("allowed: midsurface, none, energy"));
+}
+
 TEST(Description, EveryKeyReachesTheEngine) {
   // The layer as two NURBS patches over a back surface; a ball with a core, placed where the pose would put it. Two layers
   // of 3 mm, the second of half the modulus: K/h of R1 over 1.5.

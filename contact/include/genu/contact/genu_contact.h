@@ -147,7 +147,8 @@ typedef struct genu_compartment {
 typedef enum genu_strain { GENU_STRAIN_SMALL = 0, GENU_STRAIN_LARGE = 1 } genu_strain;
 typedef enum genu_correction {
   GENU_CORRECTION_MIDSURFACE = 0, /* d = AB / cos(theta/2), force along the bisector */
-  GENU_CORRECTION_NONE = 1        /* distance and force along the minimum distance: conservative; ray: along the ray */
+  GENU_CORRECTION_NONE = 1,       /* distance and force along the minimum distance: conservative; ray: along the ray */
+  GENU_CORRECTION_ENERGY = 2      /* distance as midsurface, load minus the gradient of the energy: conservative; smooth rule only */
 } genu_correction;
 typedef enum genu_distance {
   GENU_DISTANCE_MINIMUM = 0, /* AB, to the closest point of the moving surface */
@@ -216,6 +217,9 @@ typedef struct genu_pair_options {
   const genu_element_surface* element_surfaces; /* one per compartment; NULL: planes that face up */
   const genu_round_back* fixed_round_back;      /* radial thickness; NULL: a sphere about the body's origin */
   const genu_round_back* moving_round_back;
+  /* Hunt-Crossley damping [s/m], >= 0: p max(0, 1 + damping * approach) with the approach of the bodies at the element, from the rates
+     of genu_evaluate; it only takes power. Not with GENU_CORRECTION_ENERGY. */
+  double damping;
 } genu_pair_options;
 
 /* Sets all fields to their defaults; `size` is sizeof(genu_pair_options) where you compile. Does nothing for NULL. */
@@ -309,13 +313,16 @@ typedef struct genu_result {
   double stiffness[36];
   int distance_queries; /* work done */
   int copied;           /* 1: taken from the stored result */
+  /* With with_stiffness and damping of the pair, else 0: d(force, moment on M)/d(rates), laid out as stiffness [N s/rad, N m s/rad,
+     N s/m, N s]. The stiffness is then the derivative at constant rates. */
+  double damping[36];
 } genu_result;
 
 /* As genu_pair_options_init. */
 GENU_API void genu_evaluate_options_init(genu_evaluate_options* options, size_t size);
 GENU_API void genu_result_init(genu_result* result, size_t size);
 
-/* Net load at a pose. coordinates: rx, ry, rz [rad], x, y, z [m]; rates: their time derivatives, or NULL. options: NULL for
+/* Net load at a pose. coordinates: rx, ry, rz [rad], x, y, z [m]; rates: their time derivatives, or NULL: at rest. options: NULL for
    none. compartments: NULL, or room for num_compartments loads, which must be the pair's number. Allocates nothing once the
    workspace has seen the pair's largest contact. Numbers that are not finite are GENU_BAD_ARGUMENT. */
 GENU_API genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, const double coordinates[6],

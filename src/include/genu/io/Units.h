@@ -22,6 +22,7 @@ namespace genu::io {
    acceleration   m/s^2         m/s^2, mm/s^2
    damping        N s/m         N s/m, N s/mm, kg/s
    angularDamping N m s/rad     N m s/rad, N m s/deg, N m s
+   inverseSpeed   s/m           s/m, s/mm
 
  A unit is any product of m, g, t, s, min, N, Pa, J, rad, deg, % (the usual prefixes u, m, c, k, M, G where they make
  sense) with integer powers: "N s/mm", "N*m", "kg m^2/s^2". What counts is its dimension. */
@@ -37,7 +38,8 @@ enum class Dimension {
   speed,
   acceleration,
   damping,
-  angularDamping
+  angularDamping,
+  inverseSpeed
 };
 
 /** "length", "force", ... */

@@ -80,11 +80,12 @@ GaitResult runGait(const scene::Scene& scene, const scene::Progress& progress = 
 
 /** Recorded motion evaluated by the contact engine alone, for pressures and areas on the grid of `scene` (which may
  differ from the one of the run). Frames have q, contacts with energy, no rates; with `estimateErrors` also the estimated
- errors that the grid makes, at four times the cost. Works without a model section if the
+ errors that the grid makes, at four times the cost. `runner`: threads for the evaluations. Works without a model section if the
  contact pairs name no links.
  @throws InputError when time and q differ in length or hold values that are not finite */
 scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<contact::JointCoordinates>& q,
-                         const scene::Scene& scene, const scene::Progress& progress = {}, bool estimateErrors = true);
+                         const scene::Scene& scene, const scene::Progress& progress = {}, bool estimateErrors = true,
+                         const contact::TaskRunner* runner = nullptr);
 
 /** Names allowed for GaitSpec::integrator. */
 std::vector<std::string> integratorNames();

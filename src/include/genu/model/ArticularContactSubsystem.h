@@ -15,7 +15,7 @@ namespace genu::model {
  A pair has a fixed frame F on one body and a moving frame M on another, both anywhere in the tree: the pose X_FM and
  the velocity V_FM are computed from the two bodies, not from a joint.
    Stage::Position  pose and net loads, evaluated when first asked for, kept in the State's cache
-   Stage::Velocity  V_FM and the power of the contact force
+   Stage::Velocity  V_FM, the power of the contact force, and the damped net loads of pairs with damping
    potential energy evaluated only when asked for
  NetLoad is {force on M, moment about Fo} in F; SimTK::SpatialVec is (moment, force) in G. toSpatialVecInG() is the
  only place where order and frame change.
@@ -42,6 +42,9 @@ class ArticularContactSubsystem : public SimTK::ForceSubsystem {
   int addContactPair(const std::string& name, std::shared_ptr<const contact::ContactPair> pair,
                      const Attachment& attachment);
 
+  /** Threads for all evaluations (a topological change); nullptr: none. It must outlive every State. */
+  void setTaskRunner(const contact::TaskRunner* runner);
+
   int numContactPairs() const;
   const std::string& name(int pair) const;
   const contact::ContactPair& contactPair(int pair) const;
@@ -49,27 +52,37 @@ class ArticularContactSubsystem : public SimTK::ForceSubsystem {
 
   /** Stage::Position. */
   contact::Pose calcPose(const SimTK::State& state, int pair) const;
-  /** Net loads, without energy unless that was asked for at this pose. Stage::Position; lazy. */
+  /** Net loads at rest, without energy unless that was asked for at this pose. Stage::Position; lazy. */
   const contact::ContactResult& getResult(const SimTK::State& state, int pair) const;
-  /** Net loads with energy. Stage::Position; lazy. */
+  /** Net loads at rest, with energy. Stage::Position; lazy. */
   const contact::ContactResult& getResultWithEnergy(const SimTK::State& state, int pair) const;
-  /** Worst status of all pairs. Stage::Position. */
+  /** The net loads that act: with the damping of the pair and the State's rates; without damping the same as getResult().
+   Stage::Velocity, or Stage::Position without damping; lazy. */
+  const contact::ContactResult& getDampedResult(const SimTK::State& state, int pair) const;
+  /** The same with the elastic energy. */
+  contact::ContactResult calcDampedResultWithEnergy(const SimTK::State& state, int pair) const;
+  /** Worst status of all pairs, which does not depend on rates. Stage::Position. */
   contact::EvaluationStatus getStatus(const SimTK::State& state) const;
 
   struct Rates {
     contact::SpatialVelocity V_FM;
     double power_W = 0;  ///< of the contact force on M relative to F; negative while energy is stored
+    double dissipated_W = 0;  ///< taken by the damping, >= 0; part of -power_W
   };
   /** Stage::Velocity; lazy. */
   const Rates& getRates(const SimTK::State& state, int pair) const;
 
-  /** Element values at the State's pose, one vector per compartment. Stage::Position. */
+  /** Element values at the State's pose and at rest, one vector per compartment. Stage::Position. */
   std::vector<std::vector<contact::ElementField>> calcFields(const SimTK::State& state, int pair) const;
 
   /** The load on M as a spatial force (moment, force) on a body whose origin is `p_GBo`, all in ground. The fixed body
    gets the opposite of the same load, about its own origin. */
   static SimTK::SpatialVec toSpatialVecInG(const contact::NetLoad& load, const SimTK::Transform& X_GF,
                                            const SimTK::Vec3& p_GBo);
+
+  /** Rates of the coordinates q that give the velocity V, the inverse of contact::calcSpatialVelocity. At gimbal lock there are none for
+   some velocities: ry closer than 1e-10 rad to it is moved to that distance, which turns the pose by no more. */
+  static contact::JointCoordinates calcCoordinateRates(contact::JointCoordinates& q, const contact::SpatialVelocity& V);
 
   /** Work done through this State so far, over all pairs. */
   struct Counters {

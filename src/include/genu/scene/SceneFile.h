@@ -30,6 +30,9 @@ Scene parseScene(const std::string& yaml, const std::filesystem::path& file, con
  @throws InputError with the place in the scene when the engine refuses (no overlap, inverted normals, ...) */
 std::vector<std::shared_ptr<const contact::ContactPair>> makeContactPairs(const Scene& scene);
 
+/** Choices of a scene that are allowed and can make its results wrong, each with its place, the risk and what to choose instead. */
+std::vector<std::string> listWarnings(const Scene& scene);
+
 /** "rx, ry, rz, x, y, z", a unit on each: "0 deg, 0 deg, -30 deg, 0 mm, 35.8 mm, 0 mm". For the command line.
  @throws InputError */
 contact::JointCoordinates parsePose(const std::string& text, const std::string& where = "pose");
