@@ -9,8 +9,12 @@ function(genu_configure_target target)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
   if(GENU_SANITIZE)
-    target_compile_options(${target} PUBLIC -fsanitize=${GENU_SANITIZE} -fno-omit-frame-pointer)
+    # A finding ends the program, so that a test fails.
+    target_compile_options(${target} PUBLIC -fsanitize=${GENU_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
     target_link_options(${target} PUBLIC -fsanitize=${GENU_SANITIZE})
+  endif()
+  if(GENU_BUILD_FUZZERS)
+    target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link) # coverage guides the fuzzer
   endif()
 endfunction()
 

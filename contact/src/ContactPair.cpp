@@ -123,6 +123,9 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
   if (!(definition.damping_sPerM >= 0) || !std::isfinite(definition.damping_sPerM)) {
     fail("contact pair: damping = ", definition.damping_sPerM, " s/m is not allowed; allowed: 0 s/m or more");
   }
+  if (definition.planeY_m && !std::isfinite(*definition.planeY_m)) {
+    fail("contact pair: element plane y = ", *definition.planeY_m, " m is not allowed; allowed: a finite number");
+  }
   if (definition.correction == Correction::energy) {
     if (definition.rule != ContactRule::smooth) {
       fail("contact pair: correction energy is the gradient of the smooth rule's energy; the centre rule has none, because its load jumps");
@@ -171,8 +174,9 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
     }
   } else if (std::holds_alternative<BackSurface>(moving.source) || std::holds_alternative<RadialThickness>(moving.source)) {
     m.movingLayer = MovingLayer::map;
-    if (moving.mapSamplesU < 2 || moving.mapSamplesV < 2) {
-      fail("thickness of the ", other, " body: map of ", moving.mapSamplesU, "x", moving.mapSamplesV, " samples; needed: at least 2x2");
+    constexpr int kMaxSamples = 4096;
+    if (moving.mapSamplesU < 2 || moving.mapSamplesV < 2 || moving.mapSamplesU > kMaxSamples || moving.mapSamplesV > kMaxSamples) {
+      fail("thickness of the ", other, " body: map of ", moving.mapSamplesU, "x", moving.mapSamplesV, " samples; allowed: 2 to 4096 each way");
     }
     if (known) {
       m.maps = known->maps;
@@ -373,7 +377,11 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
       r.damping = task.byRate * motion;
     }
   }
-  r.status = r.total.notConvergedQueries > 0       ? EvaluationStatus::notConverged
+  // Lengths or moduli whose products overflow.
+  const bool overflow = !r.total.forceOnM_F.allFinite() || !r.total.momentOnM_Fo_F.allFinite() || !std::isfinite(r.total.scalarForce_N) ||
+                        !std::isfinite(r.total.energy_J) || !std::isfinite(r.total.peakPressure_Pa) || !r.stiffness.allFinite() ||
+                        !r.damping.allFinite();
+  r.status = r.total.notConvergedQueries > 0 || overflow ? EvaluationStatus::notConverged
              : r.total.fullPenetrationElements > 0 ? EvaluationStatus::fullPenetration
              : r.total.extrapolatedElements > 0    ? EvaluationStatus::extrapolated
                                                    : EvaluationStatus::ok;

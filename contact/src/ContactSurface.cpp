@@ -251,6 +251,17 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
   if (nearPole && result.status == QueryStatus::notConverged && result.residual_m <= 1e-10 * info.size) {
     result.status = QueryStatus::converged;
   }
+  if (nearPole && result.status == QueryStatus::converged) {
+    // A line where a tangent vanishes although the surface goes on is stationary without being near: look beside it.
+    SurfaceDerivatives beside;
+    for (const double side : {-1e-3, 1e-3}) {
+      const double un = lu < lv ? du.fit(u + side * (du.hi - du.lo)) : u, vn = lu < lv ? v : dv.fit(v + side * (dv.hi - dv.lo));
+      detail::evaluatePatch(patch, un, vn, beside);
+      const double step = (beside.S - d.S).norm(), fall = f - 0.5 * (beside.S - Q).squaredNorm();
+      // A foot's slope is at most 1e-10 of the size; rounding makes 1e-7 of it in the shortest step.
+      if (step > 1e-9 * info.size && fall > 1e-6 * info.size * step) result.status = QueryStatus::notConverged;
+    }
+  }
   // There one tangent drowns in rounding; the connecting line itself is then the better normal.
   if (nearPole && result.status == QueryStatus::converged && distance > 1e-5 * info.size) {
     result.normal_M = r * (along < 0 ? 1 : -1) / distance;
@@ -643,6 +654,14 @@ ClosestPoint ContactSurface::findLocalClosestPoint(const Vec3& Q, const SurfaceP
 }
 
 ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParameter* seed) const {
+  // So far away that a foot could not be told from its neighbors: every search would end unconverged, after a long time.
+  constexpr double kFarthest = 1e12;
+  if (!(squaredDistance(box_, Q) <= kFarthest * kFarthest * box_.diagonal().squaredNorm())) {
+    ClosestPoint none;
+    none.at = {0, patch(0).uMin(), patch(0).vMin()};
+    none.distance_m = kInfinity;
+    return none;
+  }
   // The fast solver's foot counts where the foot is provably unique; everything else is left to the careful search.
   double residual = 0;
   int iterations = 0;

@@ -47,6 +47,12 @@ void requireRange(const std::string& name, const char* what, const char* unit, d
   fail("compartment ", name, ": ", what, " ", from, " .. ", to, " ", unit, " of the element surface is empty; needed: from < to");
 }
 
+void requirePlace(const std::string& name, const char* what, const Vec3& p) {
+  if (p.allFinite()) return;
+  fail("compartment ", name, ": ", what, " (", p.x(), ", ", p.y(), ", ", p.z(), ") m of the element surface is not allowed; allowed: "
+       "finite numbers");
+}
+
 template <class Round>
 void requireRound(const std::string& name, const Round& round) {
   requireRange(name, "angle", "rad", round.angle0_rad, round.angle1_rad);
@@ -65,8 +71,15 @@ ElementRays::ElementRays(const CompartmentDefinition& c) {
   if (c.nx < 1 || c.nz < 1 || c.nx > 10000 || c.nz > 10000) {
     fail("compartment ", c.name, ": grid ", c.nx, "x", c.nz, " is not allowed; allowed: 1 to 10000 each way");
   }
+  if (c.nx > kMaxGridCells / c.nz) {
+    fail("compartment ", c.name, ": grid ", c.nx, "x", c.nz, " has more cells than a compartment can have; allowed: at most ", kMaxGridCells);
+  }
   double a1 = 0, b1 = 0;
   if (const auto* plane = std::get_if<ElementPlane>(&c.elementSurface)) {
+    if (!std::isfinite(c.x0_m) || !std::isfinite(c.x1_m) || !std::isfinite(c.z0_m) || !std::isfinite(c.z1_m)) {
+      fail("compartment ", c.name, ": rectangle x ", c.x0_m, " .. ", c.x1_m, " m, z ", c.z0_m, " .. ", c.z1_m,
+           " m is not allowed; allowed: finite numbers");
+    }
     if (!(c.x1_m > c.x0_m) || !(c.z1_m > c.z0_m)) {
       fail("compartment ", c.name, ": rectangle x ", c.x0_m, " .. ", c.x1_m, " m, z ", c.z0_m, " .. ", c.z1_m,
            " m is empty; needed: x0 < x1 and z0 < z1");
@@ -79,6 +92,7 @@ ElementRays::ElementRays(const CompartmentDefinition& c) {
   } else if (const auto* cylinder = std::get_if<ElementCylinder>(&c.elementSurface)) {
     kind_ = Kind::cylinder;
     requireRound(c.name, *cylinder);
+    requirePlace(c.name, "point on the axis", cylinder->point_m);
     requireRange(c.name, "axial range", "m", cylinder->axial0_m, cylinder->axial1_m);
     std::tie(axis_, zero_) = calcDirections(c.name, *cylinder);
     origin_ = cylinder->point_m;
@@ -91,6 +105,7 @@ ElementRays::ElementRays(const CompartmentDefinition& c) {
     const auto& sphere = std::get<ElementSphere>(c.elementSurface);
     kind_ = Kind::sphere;
     requireRound(c.name, sphere);
+    requirePlace(c.name, "centre", sphere.center_m);
     requireRange(c.name, "elevation", "rad", sphere.elevation0_rad, sphere.elevation1_rad);
     if (!(sphere.elevation0_rad > -0.5 * kPi) || !(sphere.elevation1_rad < 0.5 * kPi)) {
       fail("compartment ", c.name, ": elevation ", sphere.elevation0_rad, " .. ", sphere.elevation1_rad,

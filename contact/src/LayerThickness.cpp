@@ -63,12 +63,17 @@ void validateThickness(const char* body, const Thickness& t) {
       fail("thickness of the ", body, " body: the axis of its back has no direction; needed: a finite vector that is not zero");
     }
   }
-  if (t.min_m && !(*t.min_m > 0)) fail("thickness of the ", body, " body: min = ", *t.min_m, " m; allowed: > 0 m");
+  if (const auto* plane = std::get_if<HeightAbovePlane>(&t.source)) {
+    if (!std::isfinite(plane->planeY_m)) {
+      fail("thickness of the ", body, " body: its plane y = ", plane->planeY_m, " m is not allowed; allowed: a finite number");
+    }
+  }
+  if (t.min_m && !(*t.min_m > 0 && std::isfinite(*t.min_m))) fail("thickness of the ", body, " body: min = ", *t.min_m, " m; allowed: > 0 m");
   if (t.max_m && !(*t.max_m > 0)) fail("thickness of the ", body, " body: max = ", *t.max_m, " m; allowed: > 0 m");
   if (t.min_m && t.max_m && *t.min_m > *t.max_m) {
     fail("thickness of the ", body, " body: min = ", *t.min_m, " m is larger than max = ", *t.max_m, " m");
   }
-  if (t.missing_m && !(*t.missing_m > 0)) {
+  if (t.missing_m && !(*t.missing_m > 0 && std::isfinite(*t.missing_m))) {
     fail("thickness of the ", body, " body: missing = ", *t.missing_m, " m; allowed: > 0 m");
   }
 }

@@ -1,88 +1,118 @@
-// Any control points, weights, pose and query must end in a status, never in a crash, a hang or an unnoticed NaN.
+// Any control points, knots, weights, method, pose and query must end in a status, never in a crash, a hang or an unnoticed NaN.
 
 #include <cmath>
-#include <cstddef>
-#include <cstdint>
-#include <cstdlib>
-#include <cstring>
+#include <memory>
 #include <stdexcept>
 
+#include "Source.h"
 #include "genu/contact/AnalyticSurface.h"
 #include "genu/contact/ContactPair.h"
 
 namespace {
 
 using namespace genu::contact;
+using genu::fuzz::require;
+using genu::fuzz::Source;
 
-/** Reads numbers from the fuzzer's bytes; zeros when they run out. */
-struct Source {
-  const std::uint8_t* data;
-  std::size_t left;
-  /** In [-1, 1], any bit pattern of two bytes. */
-  double next() {
-    std::int16_t value = 0;
-    const std::size_t n = left < sizeof value ? left : sizeof value;
-    std::memcpy(&value, data, n);
-    data += n;
-    left -= n;
-    return value / 32768.0;
+std::vector<double> makeKnots(int degree, double inner) {
+  std::vector<double> knots(static_cast<std::size_t>(degree) + 1, 0.0);
+  knots.push_back(inner);
+  knots.insert(knots.end(), static_cast<std::size_t>(degree) + 1, 1.0);
+  return knots;
+}
+
+NurbsPatch readPatch(Source& source, double scale_m) {
+  NurbsPatchData d;
+  d.degreeU = 1 + source.choose(5);
+  d.degreeV = 1 + source.choose(5);
+  d.numU = d.degreeU + 2;
+  d.numV = d.degreeV + 2;
+  d.knotsU = makeKnots(d.degreeU, 0.5 + 0.5 * source.next());  // at an end: a repeated knot
+  d.knotsV = makeKnots(d.degreeV, 0.5 + 0.5 * source.next());
+  const int shape = source.choose(4);
+  const bool rational = source.choose(2) == 1;
+  for (int i = 0; i < d.numU; ++i) {
+    for (int j = 0; j < d.numV; ++j) {
+      Vec3 p(source.next(), source.next(), source.next());
+      if (shape == 1 && i == 0) p = Vec3(0, 0.1, 0);          // a pole
+      if (shape == 2 && i > 0 && j == 0) p = d.points[0] * (1 / scale_m);  // an edge shrunk to a point
+      if (shape == 3) p = Vec3(static_cast<double>(i) / d.numU - 0.4, 0.1 * p.y(), static_cast<double>(j) / d.numV - 0.4);  // a sheet
+      d.points.emplace_back(scale_m * p);
+      if (rational) d.weights.push_back(std::exp(4 * source.next()));
+    }
   }
-};
+  d.flipNormal = source.choose(2) == 1;
+  return NurbsPatch(d);
+}
 
-void require(bool ok) {
-  if (!ok) std::abort();
+Material readMaterial(Source& source) {
+  Material m;
+  m.law = static_cast<MaterialLaw>(source.choose(3));
+  m.E_Pa = 4e6 * std::exp(8 * source.next());
+  m.nu = 0.25 * (1 + source.next());
+  m.eps0 = 0.06 * std::exp(4 * source.next());
+  m.p0_Pa = 18e6;
+  m.n = 1 + 4 * std::abs(source.next());
+  return m;
 }
 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Source source{data, size};
-  NurbsPatchData d;
-  d.degreeU = 1 + static_cast<int>(2.49 * (1 + source.next()));
-  d.degreeV = 1 + static_cast<int>(2.49 * (1 + source.next()));
-  d.numU = d.degreeU + 2;
-  d.numV = d.degreeV + 2;
-  const auto makeKnots = [](int degree) {
-    std::vector<double> knots(static_cast<std::size_t>(degree) + 1, 0.0);
-    knots.push_back(0.4);
-    knots.insert(knots.end(), static_cast<std::size_t>(degree) + 1, 1.0);
-    return knots;
-  };
-  d.knotsU = makeKnots(d.degreeU);
-  d.knotsV = makeKnots(d.degreeV);
-  for (int i = 0; i < d.numU * d.numV; ++i) {
-    d.points.emplace_back(0.1 * source.next(), 0.1 * source.next(), 0.1 * source.next());
-    d.weights.push_back(std::exp(4 * source.next()));
-  }
   try {
+    constexpr double kScales[] = {0.1, 0.1, 1e-6, 1e3};
+    const double scale_m = kScales[source.choose(4)];
     std::vector<NurbsPatch> patches;
-    patches.emplace_back(d);
+    patches.push_back(readPatch(source, scale_m));
     const auto moving = std::make_shared<const ContactSurface>(std::move(patches));
-    const ClosestPoint foot = moving->findClosestPoint(0.2 * Vec3(source.next(), source.next(), source.next()));
+    const Vec3 Q = 2 * scale_m * Vec3(source.next(), source.next(), source.next());
+    const ClosestPoint foot = moving->findClosestPoint(Q);
     require(foot.status == QueryStatus::notConverged || std::isfinite(foot.distance_m));
-    ContactPairDefinition definition;
+    const FirstHit hit = moving->findFirstHit(Q, Vec3(source.next(), source.next(), 1).normalized());
+    require(hit.status != HitStatus::hit || std::isfinite(hit.t_m));
+
+    ContactPairDefinition d;
     CompartmentDefinition c;
     c.name = "all";
-    c.x0_m = c.z0_m = -0.05;
-    c.x1_m = c.z1_m = 0.05;
-    c.nx = c.nz = 5;
-    c.fixedSurface = std::make_shared<const ContactSurface>(makePlane(0.01, 0, 0, Solid::below, 0.1));
+    c.x0_m = c.z0_m = -0.5 * scale_m;
+    c.x1_m = c.z1_m = 0.5 * scale_m;
+    c.nx = c.nz = 1 + source.choose(7);
+    c.fixedSurface = std::make_shared<const ContactSurface>(makePlane(0.1 * scale_m, 0.5 * source.next(), 0, Solid::below, scale_m));
     c.movingSurface = moving;
-    definition.compartments.push_back(c);
-    definition.fixedThickness.source = ConstantThickness{0.01};
-    definition.material.E_Pa = 4e6;
-    definition.material.nu = 0.45;
-    definition.strain = StrainMeasure::large;
-    const ContactPair pair(definition);
+    d.gridOn = static_cast<GridOn>(source.choose(2));
+    if (d.gridOn == GridOn::moving) c.elementSurface = ElementPlane{PlaneFacing::down};
+    d.compartments.push_back(c);
+    d.fixedThickness.source = ConstantThickness{scale_m * std::exp(-3 + 3 * source.next())};
+    if (source.choose(2) == 1) d.movingThickness.source = ConstantThickness{scale_m * std::exp(-6 + 6 * source.next())};
+    d.material = readMaterial(source);
+    if (source.choose(3) == 0) d.movingMaterial = readMaterial(source);
+    d.strain = static_cast<StrainMeasure>(source.choose(2));
+    d.rule = static_cast<ContactRule>(source.choose(2));
+    d.distance = static_cast<DistanceMethod>(source.choose(2));
+    d.correction = static_cast<Correction>(source.choose(3));
+    d.tracking = static_cast<Tracking>(source.choose(4));
+    if (source.choose(2) == 1) d.damping_sPerM = std::abs(source.next());
+    const ContactPair pair(d);
     ContactWorkspace workspace(pair);
     ContactResult result;
-    for (int i = 0; i < 2; ++i) {
-      pair.evaluate(JointCoordinates{source.next(), source.next(), source.next(), 0.1 * source.next(), 0.1 * source.next(), 0},
-                    workspace, {true}, result);
+    ContactPair::Options options;
+    options.withEnergy = true;
+    options.withStiffness = d.rule == ContactRule::smooth && source.choose(2) == 1;
+    for (int i = 0; i < 3; ++i) {
+      JointCoordinates q{}, rates{};
+      for (std::size_t k = 0; k < 6; ++k) {
+        q[k] = k < 3 ? 3.2 * source.next() : scale_m * source.next();
+        rates[k] = source.next();
+      }
+      pair.evaluate(q, rates, workspace, options, result);
+      if (result.status == EvaluationStatus::notConverged) continue;
       require(std::isfinite(result.total.scalarForce_N) && result.total.scalarForce_N >= 0);
       require(result.total.forceOnM_F.allFinite() && result.total.momentOnM_Fo_F.allFinite());
       require(result.total.energy_J >= 0);
+      require(result.stiffness.allFinite() && result.damping.allFinite());
     }
+    pair.calcFields(workspace);
   } catch (const std::invalid_argument&) {
     // a refused definition is an answer
   }

@@ -43,7 +43,7 @@ struct Thickness {
   std::variant<RigidBody, ConstantThickness, HeightAbovePlane, BackSurface, RadialThickness> source = RigidBody{};
   std::optional<double> min_m, max_m;  ///< clamps, applied last; a missed line stays missed unless missing_m is set
   std::optional<double> missing_m;     ///< thickness used where the back surface is missed
-  int mapSamplesU = 65, mapSamplesV = 65;  ///< (u, v) map of a moving body, per patch
+  int mapSamplesU = 65, mapSamplesV = 65;  ///< (u, v) map of a moving body, per patch; 2 to 4096
 };
 
 /** A cell of a grid that is refined locally: level 0 are the nx by nz cells of the rectangle, each level halves the sides.
@@ -54,6 +54,7 @@ struct GridCell {
   bool operator==(const GridCell& o) const { return level == o.level && ix == o.ix && iz == o.iz; }
 };
 constexpr int kMaxGridLevel = 12;
+constexpr int kMaxGridCells = 16000000;  ///< nx * nz of one compartment, about 1 kB each
 
 /** One grid of nx by nz elements on an element surface of the body that carries the grid (ContactPairDefinition::gridOn), in
  that body's frame, projected onto its contact surface. */
@@ -268,7 +269,8 @@ class ContactPair {
     bool copyOnlySamePose = false;
   };
   /** Net loads at pose q. `result` is filled in place (its vectors keep their memory).
-   A coordinate that is not finite gives no load and the status notConverged.
+   A coordinate or rate that is not finite gives no load and the status notConverged; so does a load beyond the range of
+   numbers, which is returned as it is. What other extremes do: docs/robustness.md.
    @throws std::invalid_argument when stiffness is asked of the centre rule (it has none: its load jumps) */
   void evaluate(const JointCoordinates& q, ContactWorkspace& workspace, const Options& options,
                 ContactResult& result) const;

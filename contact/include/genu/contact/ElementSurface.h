@@ -60,7 +60,8 @@ const char* toString(const ElementSurface& surface);  ///< "plane", "cylinder" o
 class ElementRays {
  public:
   /** @throws std::invalid_argument naming the compartment, the value and what is allowed: empty or too long ranges, an axis
-   without direction, a zero direction along the axis, a number of cells outside 1 .. 10000 */
+   without direction, a zero direction along the axis, a number of cells outside 1 .. 10000
+   each way or above kMaxGridCells */
   explicit ElementRays(const CompartmentDefinition& compartment);
 
   bool isPlane() const { return kind_ == Kind::plane; }
