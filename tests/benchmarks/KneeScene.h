@@ -54,13 +54,13 @@ inline double findHeight(const ContactPair& pair, int target) {
   return high;
 }
 
-/** Poses that wander by about 0.01 mm an evaluation, as an integrator's do. */
-inline JointCoordinates wander(int i, const JointCoordinates& middle) {
-  const double t = 0.01 * i;
+/** Poses that wander by about 0.01 mm an evaluation, as an integrator's do, at most `reach` times 1 mm away. */
+inline JointCoordinates wander(int i, const JointCoordinates& middle, double reach = 1) {
+  const double t = 0.01 * i / reach;
   const double away[6] = {0.0005 * std::sin(1.3 * t), 0.001 * std::sin(0.7 * t), 0.01 * std::sin(t),
                           0.001 * std::sin(0.9 * t),  5e-6 * std::sin(2.1 * t),  0.0005 * std::sin(1.7 * t)};
   JointCoordinates q = middle;
-  for (size_t k = 0; k < 6; ++k) q[k] += away[k];
+  for (size_t k = 0; k < 6; ++k) q[k] += reach * away[k];
   return q;
 }
 inline JointCoordinates wander(int i, double height) { return wander(i, JointCoordinates{0, 0, 0.2, 0, height, 0}); }
