@@ -85,8 +85,11 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
       Workspaces& workspaces = updWorkspaces(state);
       Results& results = updValue<Results>(updCacheEntry(state, index));
       results.resize(pairs.size());
+      contact::ContactPair::Options options;
+      options.withEnergy = withEnergy;
+      options.copyOnlySamePose = true;
       for (size_t i = 0; i < pairs.size(); ++i) {
-        pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], {withEnergy, true}, results[i]);
+        pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], options, results[i]);
         ++workspaces.counters.evaluations;
         workspaces.counters.copies += results[i].copied ? 1 : 0;
         workspaces.counters.distanceQueries += results[i].distanceQueries;

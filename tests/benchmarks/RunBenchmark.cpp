@@ -2,8 +2,8 @@
 //   build/release/bin/run_benchmark
 // Times include everything but reading the scene and building the grids, which "setup_ms" gives. Errors: largest difference
 // of a free coordinate over the run (angles times 25 mm) and of the scalar force of a compartment, against the same scene on
-// a 100 x 100 grid, smooth rule, with 100 times tighter integration. The rows of the centre rule stand beside those of the smooth one. Memory is the peak of the whole process so far: run one case alone
-// (--benchmark_filter) to read it.
+// a 100 x 100 grid, smooth rule, with 100 times tighter integration. Rows of the centre rule stand beside those of the smooth
+// one. Memory is the peak of the whole process so far: run one case alone (--benchmark_filter) to read it.
 
 #include <benchmark/benchmark.h>
 #include <sys/resource.h>
