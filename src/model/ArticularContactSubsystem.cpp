@@ -89,8 +89,11 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
       Workspaces& workspaces = updWorkspaces(state);
       Results& results = updValue<Results>(updCacheEntry(state, index));
       results.resize(pairs.size());
+      contact::ContactPair::Options options;
+      options.withEnergy = withEnergy;
+      options.copyOnlySamePose = true;
       for (size_t i = 0; i < pairs.size(); ++i) {
-        pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], {withEnergy, true}, results[i]);
+        pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], options, results[i]);
         count(workspaces.counters, results[i]);
       }
       markCacheValueRealized(state, index);

@@ -1,5 +1,6 @@
 // Cost of the contact engine, error beside time. Compare ratios within one run: absolute times depend on the machine.
 //   build/release/bin/engine_benchmark [--benchmark_filter=...]
+// All laws and modes in one table, with ratios: engine_table.
 // Scene: two condyles (bicubic, 15 x 20 control points) on two dishes or flat layers, about 300 of 2 x 30 x 30 elements
 // active. Error: force against the same pose on a 240 x 240 grid.
 
@@ -9,62 +10,12 @@
 #include <map>
 #include <random>
 
-#include "contact/Scenes.h"
-#include "contact/TestSurfaces.h"
+#include "benchmarks/KneeScene.h"
 
 namespace {
 
 using namespace genu::contact;
 using namespace genu::contact::test;
-
-std::shared_ptr<const ContactSurface> makeCondyleSurface(bool rational) {
-  std::vector<NurbsPatch> patches;
-  patches.emplace_back(makeCondyle(rational, 0));
-  return share(std::move(patches));
-}
-
-ContactPairDefinition makeKnee(int n, bool dished, Material material, StrainMeasure strain, bool rational = false) {
-  ContactPairDefinition d;
-  const auto condyle = makeCondyleSurface(rational);
-  const auto base = dished ? makeDish(0.008, 0.060, 0.035, Solid::below, 0.016) : makePlane(0.008, 0, 0, Solid::below, 0.016);
-  for (const double side : {1.0, -1.0}) {
-    const Pose X{Mat3::Identity(), Vec3(0, 0, 0.024 * side)};
-    CompartmentDefinition c;
-    c.name = side > 0 ? "medial" : "lateral";
-    c.x0_m = -0.012;
-    c.x1_m = 0.012;
-    c.z0_m = 0.024 * side - 0.010;
-    c.z1_m = 0.024 * side + 0.010;
-    c.nx = c.nz = n;
-    c.fixedSurface = shareIn(base, X);
-    std::vector<NurbsPatch> moved;
-    moved.push_back(condyle->patch(0).transformed(X));
-    c.movingSurface = share(std::move(moved));
-    d.compartments.push_back(c);
-  }
-  d.fixedThickness = aboveZero();
-  d.material = material;
-  d.strain = strain;
-  d.copyTolerance = -1;
-  return d;
-}
-
-/** Height at which about `target` elements of the 30 x 30 grid are active. */
-double findHeight(const ContactPair& pair, int target) {
-  double high = 0.06, low = 0.03;
-  while (high - low > 1e-7) {
-    const double y = 0.5 * (low + high);
-    (pair.evaluate(JointCoordinates{0, 0, 0.2, 0, y, 0}, {false}).total.activeElements > target ? low : high) = y;
-  }
-  return high;
-}
-
-/** Poses that wander by about 0.01 mm an evaluation, as an integrator's do. */
-JointCoordinates wander(int i, double height) {
-  const double t = 0.01 * i;
-  return {0.0005 * std::sin(1.3 * t), 0.001 * std::sin(0.7 * t), 0.2 + 0.01 * std::sin(t), 0.001 * std::sin(0.9 * t),
-          height + 5e-6 * std::sin(2.1 * t), 0.0005 * std::sin(1.7 * t)};
-}
 
 void evaluate(benchmark::State& state, bool dished, Material material, StrainMeasure strain, Tracking tracking, bool contact, int n = 30,
               bool withEnergy = false, bool withStiffness = false) {

@@ -61,6 +61,19 @@ TEST_P(SphereSettles, AtTheClosedFormDepth) {
   EXPECT_GT(result.contactEvaluations, 0);
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(result.constraintForce[static_cast<size_t>(i)], 0, 1e-3) << i;
 }
+
+// The same with whole cells: analyses ask for no stiffness, which the centre rule does not have.
+TEST(StaticAnalysis, CentreRuleSettlesToo) {
+  const TemporaryFile urdf("sphere.urdf", kneeUrdf());
+  scene::Scene scene = sphereScene(urdf.path());
+  scene.contacts[0].definition.rule = contact::ContactRule::centre;
+  const double D = 0.2e-3;
+  scene.loads.push_back(verticalLoad(-sphereForce_N(D)));
+  const StaticResult result = settle(scene, Method::implicitEuler);
+  ASSERT_EQ(result.status, StaticResult::Status::converged) << result.statusText;
+  EXPECT_NEAR((36e-3 - result.q[y]) / D, 1, 1.5e-4);
+}
+
 INSTANTIATE_TEST_SUITE_P(Methods, SphereSettles, ::testing::Values(Method::newton, Method::implicitEuler));
 
 TEST(StaticAnalysis, GravityIsALoad) {
