@@ -9,7 +9,9 @@
 namespace genu::app {
 
 std::unique_ptr<const contact::TaskRunner> makeTaskRunner(int threads) {
-  if (threads < 0 || threads > 1024) throw InputError(fmt::format("--threads {}: allowed: 1 to 1024, or 0 for all of the machine", threads));
+  if (threads < 0 || threads > 1024) {
+    throw InputError(fmt::format("--threads {}: allowed: 1 to 1024, or 0 for all of the machine", threads));
+  }
   if (threads == 1) return nullptr;
 #ifdef GENU_WITH_CONTACT_THREADS
   return std::make_unique<const contact::Threads>(threads);

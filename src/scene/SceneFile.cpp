@@ -609,7 +609,9 @@ class SceneReader {
       if (definition.rule == contact::ContactRule::centre) {
         correction.fail("is energy, the gradient of the smooth rule's energy; with rule: centre it is midsurface or none");
       }
-      if (definition.damping_sPerM > 0) correction.fail("is energy, which has no damping; remove the damping, or choose midsurface or none");
+      if (definition.damping_sPerM > 0) {
+        correction.fail("is energy, which has no damping; remove the damping, or choose midsurface or none");
+      }
     }
     if (const auto tolerance = node.find("copy_tolerance")) {
       const bool never = tolerance->isScalar() && tolerance->getText("a length or never") == "never";
