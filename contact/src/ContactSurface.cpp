@@ -538,7 +538,7 @@ bool ContactSurface::Search::crossEdge(SurfaceParameter& at, double& u, double& 
   return true;
 }
 
-bool ContactSurface::Search::solveFast(const double* Q, SurfaceParameter& at, bool derivatives, detail::TrackedFoot& foot,
+bool ContactSurface::Search::solveFast(const double* Q, SurfaceParameter& at, detail::FootDerivatives derivatives, detail::TrackedFoot& foot,
                                        double& residual_m, int& iterations) const {
   const detail::SolveFoot solve = detail::activeSolveFoot();
   detail::FootSearch search{at.u, at.v, 0, 0};
@@ -668,7 +668,7 @@ ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParame
   detail::TrackedFoot foot;
   const bool warm = seed != nullptr && seed->patch >= 0;
   SurfaceParameter at = warm ? *seed : search_->findSeed(Q.data());
-  if (at.patch >= 0 && search_->solveFast(Q.data(), at, false, foot, residual, iterations) && search_->isSafe(foot.distance_m)) {
+  if (at.patch >= 0 && search_->solveFast(Q.data(), at, detail::FootDerivatives::none, foot, residual, iterations) && search_->isSafe(foot.distance_m)) {
     return makeClosestPoint(at, foot, residual, iterations);
   }
   ClosestPoint best;

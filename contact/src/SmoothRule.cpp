@@ -328,7 +328,8 @@ class SmoothEvaluation {
       const Vec3 p_MA = locate(nodes[i]);
       std::copy(p_MA.data(), p_MA.data() + 3, Q + 3 * i);
     }
-    trackFeet(*c_.moving, Q, nodes, count, memory_.feet.data());
+    trackFeet(*c_.moving, Q, nodes, count, memory_.feet.data(),
+              task_.withStiffness || isGradient() ? FootDerivatives::second : FootDerivatives::first);
     if (byRay_) fireRays(nodes, count, Q);
     for (int i = 0; i < count; ++i) {
       const auto k = static_cast<size_t>(nodes[i]);
@@ -443,7 +444,7 @@ class SmoothEvaluation {
     const Vec3 shift = locate(e) - Eigen::Map<const Vec3>(look.p_MA);
     const double lever_m = (memory_.turn - look.turn) * c_.stencilReach_m;
     const int mask = c_.neighbors[i];
-    const double error_m = c_.predictor->calcError(memory_.feet[i], c_.stencilReach_m, shift.norm(), lever_m);
+    const double error_m = c_.predictor->calcError(memory_.feet[i], c_.stencilReach_m, look.spread, shift.norm(), lever_m);
     const double bound = look.bound_m - shift.dot(Eigen::Map<const Vec3>(look.normal)) + largestGain(mask) * error_m;
     if (!(bound < 0)) return false;
     setMark(i, bound, mask);
@@ -460,6 +461,7 @@ class SmoothEvaluation {
     // Where a node is missing, or along rays, the polynomial is not held by the distances of its nodes. What the rule looks at is
     // then bounded by the distances themselves: cells with no node within half a cell's size of the moving surface carry nothing.
     const double reach_m = 0.5 * c_.cellSize_m;
+    const double shallow_m = 0.05 * c_.cellSize_m;
     size_t kept = before, next = before;
     for (int i = 0; i < count; ++i) {
       const auto e = static_cast<size_t>(elements[i]);
@@ -476,6 +478,7 @@ class SmoothEvaluation {
         std::copy(foot.Q, foot.Q + 3, look.p_MA);
         std::copy(foot.normal, foot.normal + 3, look.normal);
         look.turn = memory_.turn;
+        look.spread = bound < shallow_m ? calcSpread(e) : 2;  // of deep cells it will not matter soon
       } else {
         const double nearest_m = findNearest(e);
         if (nearest_m > reach_m) {
@@ -488,6 +491,19 @@ class SmoothEvaluation {
     }
     memory_.tasks.resize(kept);
     return static_cast<int>(kept - before);
+  }
+
+  double calcSpread(size_t element) const {
+    const auto& stencil = c_.stencil[element];
+    const double* center = memory_.feet[element].normal;
+    double largest = 0;
+    for (const int k : stencil) {
+      if (k < 0) continue;
+      const double* n = memory_.feet[static_cast<size_t>(k)].normal;
+      const double x = n[0] - center[0], y = n[1] - center[1], z = n[2] - center[2];
+      largest = std::max(largest, x * x + y * y + z * z);
+    }
+    return std::sqrt(largest);
   }
 
   /** Least signed distance of an element's nodes; -infinity where one is not known. */

@@ -58,7 +58,7 @@ DistancePredictor::DistancePredictor(const ContactSurface& surface) {
   }
 }
 
-void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, int count, TrackedFoot* feet) {
+void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, int count, TrackedFoot* feet, FootDerivatives derivatives) {
   const auto& search = SurfaceAccess::search(surface);
   const TrackedFoot* last = nullptr;
   for (int i = 0; i < count; ++i) {
@@ -74,7 +74,7 @@ void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, i
       SurfaceParameter at = seed;
       double residual = 0;
       int iterations = 0;
-      if (search.solveFast(q, at, true, foot, residual, iterations) && search.isSafe(foot.distance_m)) {
+      if (search.solveFast(q, at, derivatives, foot, residual, iterations) && search.isSafe(foot.distance_m)) {
         foot.patch = at.patch;
         foot.status = QueryStatus::converged;
         std::copy(q, q + 3, foot.Q);

@@ -260,7 +260,9 @@ TEST(Copy, SamePoseIsCopiedAndToleranceBoundsTheError) {
 
   // Analyses that difference close poses ask for identical ones only.
   tolerant.evaluate(q, other, {true}, first);
-  tolerant.evaluate(moved, other, {true, true}, second);
+  ContactPair::Options samePose;
+  samePose.withEnergy = samePose.copyOnlySamePose = true;
+  tolerant.evaluate(moved, other, samePose, second);
   EXPECT_FALSE(second.copied);
   EXPECT_EQ(second.total.activeElements, truth.total.activeElements);
 

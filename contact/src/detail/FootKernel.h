@@ -43,17 +43,17 @@ struct FootSearch {
 /** Plain Newton on |S - Q|^2 / 2 from (u, v). Gives up rather than guess: no positive definite Hessian, steps that do not
  shrink, poles, the border. Once the next residual is provably below half the tolerance, the last step is a Taylor expansion
  in place of an evaluation. On `found`, foot has all but Q, patch and status; the derivatives only if wanted. */
-using SolveFoot = FootOutcome (*)(const PatchTables& patch, const double* Q, FootSearch& search, bool derivatives,
+using SolveFoot = FootOutcome (*)(const PatchTables& patch, const double* Q, FootSearch& search, FootDerivatives derivatives,
                                   TrackedFoot& foot);
 
 namespace baseline {
-FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, bool, TrackedFoot&);
+FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, FootDerivatives, TrackedFoot&);
 }
 namespace avx2 {
-FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, bool, TrackedFoot&);
+FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, FootDerivatives, TrackedFoot&);
 }
 namespace avx512 {
-FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, bool, TrackedFoot&);
+FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, FootDerivatives, TrackedFoot&);
 }
 
 /** The one in use: the widest that the processor has, or the one forced. */

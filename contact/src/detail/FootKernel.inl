@@ -11,7 +11,7 @@ namespace {
 constexpr int kMaxEvaluations = 8;
 
 template <int PU, int PV, bool kRational>
-FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search, bool derivatives, TrackedFoot& foot) {
+FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search, FootDerivatives derivatives, TrackedFoot& foot) {
   const V4 q = make(Q[0], Q[1], Q[2], 1);  // the fourth lane cancels against the weight
   const double tol = patch.tolerance_m;
   double u = search.u, v = search.v, lastStep = 0;
@@ -81,10 +81,12 @@ FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search,
       store(B, foot.p_MB);
       store(n, foot.normal);
       foot.distance_m = dot3(n, q - B);
-      if (derivatives) {
+      if (derivatives != FootDerivatives::none) {
         const double hu = inv * su[2], hv = inv * sv[2];
         store((o.fs * c - o.ft * b) * hu, foot.duvdQ);
         store((o.ft * a - o.fs * b) * hv, foot.duvdQ + 3);
+      }
+      if (derivatives == FootDerivatives::second) {
         const V4 bs = cross(o.halfFss, o.ft) * 2.0 + cross(o.fs, o.fst), bt = cross(o.fst, o.ft) + cross(o.fs, o.halfFtt) * 2.0;
         store((bs - n * dot3(n, bs)) * (scale * su[1]), foot.nu);
         store((bt - n * dot3(n, bt)) * (scale * sv[1]), foot.nv);
@@ -103,7 +105,7 @@ FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search,
 
 }  // namespace
 
-FootOutcome solveFoot(const PatchTables& patch, const double* Q, FootSearch& search, bool derivatives, TrackedFoot& foot) {
+FootOutcome solveFoot(const PatchTables& patch, const double* Q, FootSearch& search, FootDerivatives derivatives, TrackedFoot& foot) {
   const int pu = patch.u.degree, pv = patch.v.degree;
   if (pu == 3 && pv == 3) {
     return patch.rational ? solve<3, 3, true>(patch, Q, search, derivatives, foot)

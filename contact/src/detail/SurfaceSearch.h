@@ -97,7 +97,7 @@ struct ContactSurface::Search {
   void fillCells(const std::vector<NurbsPatch>& patches, const Eigen::AlignedBox3d& box);
 
   /** Fast Newton from `at`, across connected edges; false: take the safeguarded solver. */
-  bool solveFast(const double* Q, SurfaceParameter& at, bool derivatives, detail::TrackedFoot& foot, double& residual_m,
+  bool solveFast(const double* Q, SurfaceParameter& at, detail::FootDerivatives derivatives, detail::TrackedFoot& foot, double& residual_m,
                  int& iterations) const;
   /** Where (u, v) lies beyond an edge of at.patch: moves to where the neighbour begins. False at an open border. */
   bool crossEdge(SurfaceParameter& at, double& u, double& v) const;

@@ -21,10 +21,14 @@ struct TrackedFoot {
   QueryStatus status;
 };
 
+/** What a query is to set beside the foot: nothing, duvdQ, or nu and nv too. */
+enum class FootDerivatives : int { none, first, second };
+
 /** Updates feet[ids[i]] for the query points Q[3 i .. 3 i + 2]. Warm start from the foot's own last place moved by the
  first-order predictor; a foot that was never queried starts from that of the id before it. The result is the global
  minimum under the rule of ContactSurface::findClosestPoint and depends on the start within its tolerance only.
- Allocates nothing. */
-void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, int count, TrackedFoot* feet);
+ `derivatives`: at least the first, which predict the next start. Allocates nothing. */
+void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, int count, TrackedFoot* feet,
+               FootDerivatives derivatives = FootDerivatives::second);
 
 }  // namespace genu::contact::detail
