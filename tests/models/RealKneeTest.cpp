@@ -63,9 +63,9 @@ TEST_F(MeasuredKnee, ImplantWalks) {
     for (size_t i = 0; i < ty.size(); ++i) {
       sum += std::pow(result.frames[i].q[4] - ty[i], 2);
       const contact::ContactResult& contact = result.frames[i].contacts[0];
-      // At 70 % of the cycle (0.25 body weights) the rim of the component just reaches the insert; the patches end
-      // within a millimeter of it.
-      EXPECT_LE(contact.total.boundaryElements, i == 70 || i == 71 ? 1 : 0) << i << " %";
+      // In swing (0.25 body weights, from 60 % on) the soft medial-lateral coordinate lets the rim of the component just reach the
+      // insert; the patches end within a millimeter of it.
+      EXPECT_LE(contact.total.boundaryElements, i >= 60 ? 2 : 0) << i << " %";
       EXPECT_GT(contact.compartments[0].scalarForce_N, 0) << i << " %";
       EXPECT_GT(contact.compartments[1].scalarForce_N, 0) << i << " %";
       EXPECT_LT(contact.total.maxStrain, 0.05) << i << " %";
