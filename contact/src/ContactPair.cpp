@@ -194,6 +194,9 @@ ContactPair::ContactPair(ContactPairDefinition definition, const Impl* known) {
         }
       }
       c.map = m.maps[index].get();
+      if (c.predictor && c.map->hasHoles()) {  // a foot that moves into a hole takes its node out of use
+        for (int k = 0; k < c.moving->numPatches(); ++k) c.predictor->restrict(k, c.map->findFullRectangle(k));
+      }
     }
   }
 }

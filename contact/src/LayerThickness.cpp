@@ -122,4 +122,25 @@ ThicknessMap::ThicknessMap(const char* body, const ContactSurface& surface, cons
   }
 }
 
+std::array<double, 4> ThicknessMap::findFullRectangle(int patch) const {
+  const Map& m = maps_[static_cast<size_t>(patch)];
+  int i0 = 0, i1 = m.nu - 1, j0 = 0, j1 = m.nv - 1;
+  for (int i = 0; i < m.nu; ++i) {
+    for (int j = 0; j < m.nv; ++j) {
+      if (i < i0 || i > i1 || j < j0 || j > j1) continue;
+      if (!std::isnan(m.h[static_cast<size_t>(i) * static_cast<size_t>(m.nv) + static_cast<size_t>(j)])) continue;
+      const double cut[4] = {(i - i0) / static_cast<double>(m.nu), (i1 - i) / static_cast<double>(m.nu),
+                             (j - j0) / static_cast<double>(m.nv), (j1 - j) / static_cast<double>(m.nv)};
+      switch (std::min_element(cut, cut + 4) - cut) {
+        case 0: i0 = i + 1; break;
+        case 1: i1 = i - 1; break;
+        case 2: j0 = j + 1; break;
+        default: j1 = j - 1; break;
+      }
+    }
+  }
+  if (i0 > i1 || j0 > j1) return {1, 0, 1, 0};
+  return {m.u0 + i0 / m.scaleU, m.u0 + i1 / m.scaleU, m.v0 + j0 / m.scaleV, m.v0 + j1 / m.scaleV};
+}
+
 }  // namespace genu::contact::detail

@@ -184,8 +184,6 @@ class SmoothEvaluation {
   SmoothEvaluation(const PairData& impl, const Compartment& c, const EvaluationTask& task, CompartmentMemory& memory, NetLoad& load)
       : impl_(impl), c_(c), task_(task), kernels_(activeCellKernels()), R_MF_(task.X_FM.R.transpose()),
         offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl), byRay_(impl.definition.distance == DistanceMethod::ray) {
-    // A hole in the thickness map takes nodes out of use as feet move over it; rays turn with the body.
-    predictable_ = !byRay_ && (c.map == nullptr || !c.map->hasHoles());
     grid_.stencil = c.stencil.data()->data();
     grid_.place = c.place.data();
     grid_.feet = memory.feet.data();
@@ -225,7 +223,7 @@ class SmoothEvaluation {
     for (int e = 0; e < c_.elements; ++e) {
       if (exact && mark_m[e] > memory_.way_m) continue;
       if (isSearch() && memory_.visit[static_cast<size_t>(e)] == stamp_) continue;
-      if (exact && predictable_ && -mark_m[e] <= memory_.way_m && isClear(e)) continue;
+      if (exact && !byRay_ && -mark_m[e] <= memory_.way_m && isClear(e)) continue;
       memory_.candidates.push_back(e);
       gatherNodes(e);
     }
@@ -587,7 +585,6 @@ class SmoothEvaluation {
   NetLoad& load_;
   CellLaw law_;
   const bool byRay_;
-  bool predictable_ = false;
   size_t firstNode_ = 0;
   CellGrid grid_{};
   StiffnessSums stiffness_{};

@@ -58,6 +58,11 @@ DistancePredictor::DistancePredictor(const ContactSurface& surface) {
   }
 }
 
+void DistancePredictor::restrict(int patch, const std::array<double, 4>& uv) {
+  Borders& b = borders_[static_cast<size_t>(patch)];
+  b = {std::max(b.u0, uv[0]), std::min(b.u1, uv[1]), std::max(b.v0, uv[2]), std::min(b.v1, uv[3]), true};
+}
+
 void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, int count, TrackedFoot* feet, FootDerivatives derivatives) {
   const auto& search = SurfaceAccess::search(surface);
   const TrackedFoot* last = nullptr;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -19,6 +20,8 @@ struct ElementLook {
 class DistancePredictor {
  public:
   explicit DistancePredictor(const ContactSurface& surface);
+  /** Treats what lies outside [u0, u1] x [v0, v1] of a patch as beyond an open border. */
+  void restrict(int patch, const std::array<double, 4>& uv);
   /** Bound of the change of s at points within reach_m of one whose foot is known, beyond -normal . shift, when that one shifts by
    shift_m, the others by at most lever_m more or less, and their normals differ from its own by at most `spread`; infinite where
    that cannot be told: on the way out of the zone where feet are unique, or near an open border. */

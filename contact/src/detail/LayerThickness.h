@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
@@ -49,6 +50,9 @@ class ThicknessMap {
     return interpolate(at.patch, at.u, at.v, dhdu, dhdv);
   }
   bool hasHoles() const { return hasHoles_; }
+  /** A rectangle u0, u1, v0, v1 of a patch without holes, as large as cutting each from its nearest side leaves it; empty
+   (u0 > u1) where nothing is left. */
+  std::array<double, 4> findFullRectangle(int patch) const;
 
  private:
   struct Map {
