@@ -20,7 +20,7 @@ inline void add8(V8 v, double* p) { store8(load8(p) + v, p); }
 template <bool kWithEnergy>
 struct Response {
   const LawView& law;
-  void operator()(double strain, double& p, double& dp, double& energy) const {
+  GENU_INLINE void operator()(double strain, double& p, double& dp, double& energy) const {
     if (law.kind == LawView::linear) {
       p = law.K_Pa * strain;
       dp = law.K_Pa;

@@ -18,6 +18,8 @@
 namespace genu::contact::detail {
 namespace {
 
+#define GENU_INLINE inline __attribute__((always_inline))
+
 inline double absolute(double x) { return __builtin_fabs(x); }
 inline double larger(double a, double b) { return a > b ? a : b; }
 inline double smaller(double a, double b) { return a < b ? a : b; }
@@ -453,34 +455,42 @@ inline LawQuadrature chooseQuadrature(const double S[kMonomials], const double R
   return {0, shape.atZero > 5 * deepest && shape.atOne > 10 * deepest};
 }
 
-/** Calls at(w, b) for the points of an interval of a line; the strain along it is strainAt(b). */
+/** Calls at(w, b) for the points of an interval of a line; the strain along it is strainAt(b). One place in the code calls `at`, so
+ that it is compiled into the loop. */
 template <class StrainAt, class At>
-inline void forEachInnerPoint(const LawShape& shape, bool mild, double b0, double b1, const StrainAt& strainAt, const At& at) {
-  const auto plain = [&](auto rule) {
-    using Rule = decltype(rule);
-    const double width = b1 - b0, middle = 0.5 * (b0 + b1);
-    for (int k = 0; k < Rule::n; ++k) at(width * Rule::w[k], middle + width * Rule::x[k]);
-  };
+GENU_INLINE void forEachInnerPoint(const LawShape& shape, bool mild, double b0, double b1, const StrainAt& strainAt, const At& at) {
+  struct Points {
+    const double *x, *w;
+    int n;
+    double from, width;
+  } parts[2];
+  int count = 1;
+  const double width = b1 - b0, middle = 0.5 * (b0 + b1);
   const auto graded = [&](double shallow, double deep, double strain) {
     const GradedRule& rule = findGraded(shape, strain);
-    const double width = deep - shallow, scale = absolute(width);
-    for (int k = 0; k < GradedRule::kPoints; ++k) at(scale * rule.w[k], shallow + width * rule.x[k]);
+    return Points{rule.x, rule.w, GradedRule::kPoints, shallow, deep - shallow};
   };
   if (mild) {  // nearly linear: a polynomial of degree 4 and little more
-    plain(Gauss<3>{});
-    return;
-  }
-  const double e0 = strainAt(b0), e1 = strainAt(b1);
-  if (b0 > -0.5 && b0 < 0.5 && b1 > -0.5 && b1 < 0.5) {  // between two rims
-    const double middle = 0.5 * (b0 + b1), deep = strainAt(middle);
-    graded(b0, middle, deep);
-    graded(b1, middle, deep);
-  } else if (e0 < 0.5 * e1) {
-    graded(b0, b1, e1);
-  } else if (e1 < 0.5 * e0) {
-    graded(b1, b0, e0);
+    parts[0] = {Gauss<3>::x, Gauss<3>::w, 3, middle, width};
   } else {
-    plain(Gauss<5>{});
+    const double e0 = strainAt(b0), e1 = strainAt(b1);
+    if (b0 > -0.5 && b0 < 0.5 && b1 > -0.5 && b1 < 0.5) {  // between two rims
+      const double deep = strainAt(middle);
+      parts[0] = graded(b0, middle, deep);
+      parts[1] = graded(b1, middle, deep);
+      count = 2;
+    } else if (e0 < 0.5 * e1) {
+      parts[0] = graded(b0, b1, e1);
+    } else if (e1 < 0.5 * e0) {
+      parts[0] = graded(b1, b0, e0);
+    } else {
+      parts[0] = {Gauss<5>::x, Gauss<5>::w, 5, middle, width};
+    }
+  }
+  for (int i = 0; i < count; ++i) {
+    const Points& p = parts[i];
+    const double scale = absolute(p.width);
+    for (int k = 0; k < p.n; ++k) at(scale * p.w[k], p.from + p.width * p.x[k]);
   }
 }
 
@@ -502,25 +512,37 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
   forEachInterval(lines, [&](double a, double weight, double b0, double b1) {
     const double s0 = lines.s0 + a * (lines.sa + lines.saa * a), s1 = lines.sb + lines.sab * a, s2 = lines.sbb;
     const double r0 = R[0] + a * (q0 + q00 * a);
-    double sumP[8] = {}, sumU[8] = {}, sumR[8] = {}, sumS[8] = {};
-    const auto at = [&](double w, double b) {
+    double sumP[3] = {}, sumU[3] = {}, sumR[5] = {}, sumS[5] = {};
+    const auto at = [&](double w, double b) __attribute__((always_inline)) {
       const double s = s0 + b * (s1 + s2 * b), r = r0 + b * (q1 + q11 * b);
       double p = 0, dp = 0, energy = 0;
       response(s * r, p, dp, energy);
-      const double b2 = b * b;
-      const double powers[8] = {w, w * b, w * b2, w * b2 * b, w * b2 * b2, 0, 0, 0};
-      const double x = dp * r, y = dp * s;
-      for (int k = 0; k < 8; ++k) {
-        sumP[k] += p * powers[k];
-        if (WithEnergy) sumU[k] += energy * powers[k];
-        if (WithSlope) {
-          sumR[k] += x * powers[k];
-          sumS[k] += y * powers[k];
-        }
+      const double b2 = b * b, wp = w * p;
+      sumP[0] += wp;
+      sumP[1] += wp * b;
+      sumP[2] += wp * b2;
+      if (WithEnergy) {
+        const double wu = w * energy;
+        sumU[0] += wu;
+        sumU[1] += wu * b;
+        sumU[2] += wu * b2;
+      }
+      if (WithSlope) {
+        const double b3 = b2 * b, b4 = b2 * b2, x = w * dp * r, y = w * dp * s;
+        sumR[0] += x;
+        sumR[1] += x * b;
+        sumR[2] += x * b2;
+        sumR[3] += x * b3;
+        sumR[4] += x * b4;
+        sumS[0] += y;
+        sumS[1] += y * b;
+        sumS[2] += y * b2;
+        sumS[3] += y * b3;
+        sumS[4] += y * b4;
       }
     };
     const auto strainAt = [&](double b) { return larger(s0 + b * (s1 + s2 * b), 0.0) * (r0 + b * (q1 + q11 * b)); };
-    forEachInnerPoint(shape, rule.mild, b0, b1, strainAt, [&](double w, double b) { at(weight * w, b); });
+    forEachInnerPoint(shape, rule.mild, b0, b1, strainAt, [&](double w, double b) __attribute__((always_inline)) { at(weight * w, b); });
     const double a2 = a * a;
     const auto addSmooth = [&](const double* sums, double* to) {  // 1, a, b, a^2, b^2
       to[0] += sums[0];
