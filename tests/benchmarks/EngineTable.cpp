@@ -214,8 +214,7 @@ void printExponent(const char* what, const std::vector<Row>& rows, const std::fu
     xy += a * b;
   }
   const double e = (n * xy - x * y) / (n * xx - x * x);
-  // Repeated fits scatter by 0.05.
-  std::printf("\nCost grows with the number of %s to the power %.2f: %s.\n", what, e, e <= 1.05 ? "linear or better" : "MORE THAN LINEAR");
+  std::printf("\nCost grows with the number of %s to the power %.2f.\n", what, e);
 }
 
 Material powerLaw(double n) {
@@ -433,8 +432,7 @@ void implant() {
     for (CompartmentDefinition& c : rows.back().definition.compartments) c.nx = c.nz = n;
   }
   print("Implant DM, a measured total knee replacement", rows);
-  std::printf("\nForce %.0f N on average over the path. Published times of an evaluation of such an implant, on other machines: triangle meshes "
-              "8.7 ms, polygon patches 26 ms.\n", rows[0].force_N);
+  std::printf("\nForce %.0f N on average over the path.\n", rows[0].force_N);
 #else
   std::printf("%sSkipped: built without the model layer (GENU_BUILD_MODEL).\n", title);
 #endif
