@@ -121,11 +121,13 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
       Workspaces& workspaces = updWorkspaces(state);
       Results& results = updValue<Results>(updCacheEntry(state, dampedResultIndex_));
       results.resize(pairs.size());
+      contact::ContactPair::Options options;
+      options.copyOnlySamePose = true;
       for (size_t i = 0; i < pairs.size(); ++i) {
         if (!isDamped(i)) continue;
         contact::JointCoordinates q = contact::calcCoordinates(calcPose(state, pairs[i]));
         const contact::JointCoordinates qdot = calcCoordinateRates(q, calcVelocity(state, pairs[i]));
-        pairs[i].pair->evaluate(q, qdot, workspaces.perPair[i], {}, results[i]);
+        pairs[i].pair->evaluate(q, qdot, workspaces.perPair[i], options, results[i]);
         count(workspaces.counters, results[i]);
       }
       markCacheValueRealized(state, dampedResultIndex_);
