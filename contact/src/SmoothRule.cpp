@@ -6,6 +6,7 @@
 #include "detail/CellRule.h"
 #include "detail/ContactPairImpl.h"
 #include "detail/EnergyRule.h"
+#include "detail/Kernels.h"
 
 namespace genu::contact {
 
@@ -79,14 +80,14 @@ bool detail::calcThicknessSlopeInM(const PairData& impl, const Compartment& c, c
     c.map->interpolate(foot.patch, foot.u, foot.v, dhdu, dhdv);
     slope = dhdu * row(foot.duvdQ) + dhdv * row(foot.duvdQ + 3);
   } else {
-    double clamped = std::abs(foot.p_MB[1] - impl.planeMovingY_m);
+    double clamped = std::abs(foot.calcFoot_m(1) - impl.planeMovingY_m);
     if (clampThickness(impl.definition.movingThickness, clamped)) return false;
     // B = Q - phi n, so dB_y/dQ = e_y - n_y n - phi H e_y, H = nu (x) ju + nv (x) jv.
     slope = Vec3::UnitY() - foot.normal[1] * row(foot.normal);
     if (foot.status == QueryStatus::converged) {
       slope -= foot.distance_m * (row(foot.nu) * foot.duvdQ[1] + row(foot.nv) * foot.duvdQ[4]);
     }
-    if (!(foot.p_MB[1] > impl.planeMovingY_m)) slope = -slope;
+    if (!(foot.calcFoot_m(1) > impl.planeMovingY_m)) slope = -slope;
   }
   std::copy(slope.data(), slope.data() + 3, out);
   return true;
@@ -182,7 +183,7 @@ class CellLaw {
 class SmoothEvaluation {
  public:
   SmoothEvaluation(const PairData& impl, const Compartment& c, const EvaluationTask& task, CompartmentMemory& memory, NetLoad& load)
-      : impl_(impl), c_(c), task_(task), kernels_(activeCellKernels()), R_MF_(task.X_FM.R.transpose()),
+      : impl_(impl), c_(c), task_(task), kernels_(activeKernels().cells), R_MF_(task.X_FM.R.transpose()),
         offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl), byRay_(impl.definition.distance == DistanceMethod::ray) {
     grid_.stencil = c.stencil.data()->data();
     grid_.place = c.place.data();
@@ -224,8 +225,8 @@ class SmoothEvaluation {
       if (exact && mark_m[e] > memory_.way_m) continue;
       if (isSearch() && memory_.visit[static_cast<size_t>(e)] == stamp_) continue;
       if (exact && !byRay_ && -mark_m[e] <= memory_.way_m && isClear(e)) continue;
+      gatherNodes(e, memory_.candidates.empty() ? -2 : memory_.candidates.back());
       memory_.candidates.push_back(e);
-      gatherNodes(e);
     }
   }
 
@@ -309,8 +310,12 @@ class SmoothEvaluation {
 
   // -- distance at nodes ----------------------------------------------------------------------------------------
 
-  void gatherNodes(int e) {
-    for (const int k : c_.stencil[static_cast<size_t>(e)]) {
+  /** Nodes of an element that are not known yet; those of element `before` are. */
+  void gatherNodes(int e, int before) {
+    const auto& stencil = c_.stencil[static_cast<size_t>(e)];
+    unsigned fresh = before == e - 1 ? c_.freshNodes[static_cast<size_t>(e)] : 511;
+    for (; fresh != 0; fresh &= fresh - 1) {
+      const int k = stencil[static_cast<size_t>(__builtin_ctz(fresh))];
       if (k < 0 || memory_.nodeVisit[static_cast<size_t>(k)] == stamp_) continue;
       memory_.nodeVisit[static_cast<size_t>(k)] = stamp_;
       memory_.nodes.push_back(k);
@@ -334,13 +339,13 @@ class SmoothEvaluation {
       if (byRay_) {
         const TrackedHit& hit = memory_.hits[k];
         const bool isHit = hit.status == HitStatus::hit;
-        const double hM = isHit ? calcMovingThickness(hit.p_MC, {hit.patch, hit.u, hit.v}) : 0;
+        const double hM = isHit ? calcMovingThickness(hit.p_MC[1], {hit.patch, hit.u, hit.v}) : 0;
         memory_.field[k].hM_m = hM;
         memory_.usable[k] = isHit && !std::isnan(hM);
         continue;
       }
       const TrackedFoot& foot = memory_.feet[k];
-      const double hM = calcMovingThickness(foot.p_MB, {foot.patch, foot.u, foot.v});
+      const double hM = calcMovingThickness(foot.calcFoot_m(1), {foot.patch, foot.u, foot.v});
       memory_.field[k].hM_m = hM;
       // Beyond the border there is no material: the gap is not known there.
       memory_.usable[k] = foot.status == QueryStatus::converged && !std::isnan(hM);
@@ -363,12 +368,12 @@ class SmoothEvaluation {
     }
   }
 
-  double calcMovingThickness(const double p_M[3], const SurfaceParameter& at) const {
+  double calcMovingThickness(double y_m, const SurfaceParameter& at) const {
     switch (impl_.movingLayer) {
       case MovingLayer::none: break;
       case MovingLayer::constant: return impl_.constantMoving_m;
       case MovingLayer::plane: {
-        double h = std::abs(p_M[1] - impl_.planeMovingY_m);
+        double h = std::abs(y_m - impl_.planeMovingY_m);
         clampThickness(impl_.definition.movingThickness, h);
         return h;
       }
@@ -442,7 +447,9 @@ class SmoothEvaluation {
     const Vec3 shift = locate(e) - Eigen::Map<const Vec3>(look.p_MA);
     const double lever_m = (memory_.turn - look.turn) * c_.stencilReach_m;
     const int mask = c_.neighbors[i];
-    const double error_m = c_.predictor->calcError(memory_.feet[i], c_.stencilReach_m, look.spread, shift.norm(), lever_m);
+    const double shift_m = shift.norm();
+    if (!(c_.stencilReach_m + shift_m + lever_m < look.reach_m)) return false;
+    const double error_m = c_.predictor->calcError(look.spread, shift_m, lever_m);
     const double bound = look.bound_m - shift.dot(Eigen::Map<const Vec3>(look.normal)) + largestGain(mask) * error_m;
     if (!(bound < 0)) return false;
     setMark(i, bound, mask);
@@ -470,13 +477,7 @@ class SmoothEvaluation {
       next += isTask;
       if (mask == c_.neighbors[e] && !byRay_) {
         setMark(e, bound, mask);
-        ElementLook& look = memory_.look[e];
-        const TrackedFoot& foot = memory_.feet[e];
-        look.bound_m = bound;
-        std::copy(foot.Q, foot.Q + 3, look.p_MA);
-        std::copy(foot.normal, foot.normal + 3, look.normal);
-        look.turn = memory_.turn;
-        look.spread = bound < shallow_m ? calcSpread(e) : 2;  // of deep cells it will not matter soon
+        setLook(e, bound < shallow_m, bound);  // a deep one will not be clear soon
       } else {
         const double nearest_m = findNearest(e);
         if (nearest_m > reach_m) {
@@ -489,6 +490,19 @@ class SmoothEvaluation {
     }
     memory_.tasks.resize(kept);
     return static_cast<int>(kept - before);
+  }
+
+  void setLook(size_t element, bool canTell, double bound_m) {
+    ElementLook& look = memory_.look[element];
+    look.reach_m = 0;
+    if (!canTell) return;
+    const TrackedFoot& foot = memory_.feet[element];
+    look.bound_m = bound_m;
+    std::copy(foot.Q, foot.Q + 3, look.p_MA);
+    std::copy(foot.normal, foot.normal + 3, look.normal);
+    look.turn = memory_.turn;
+    look.spread = calcSpread(element);
+    look.reach_m = c_.predictor->calcReach_m(foot);
   }
 
   double calcSpread(size_t element) const {
@@ -525,7 +539,7 @@ class SmoothEvaluation {
       for (size_t head = 0; head < memory_.queue.size(); ++head) {
         const int e = memory_.queue[head];
         const size_t from = memory_.nodes.size();
-        gatherNodes(e);
+        gatherNodes(e, -2);
         query(from, memory_.nodes.size());
         if (test(&e, 1) == 0) continue;
         for (const int next : c_.stencil[static_cast<size_t>(e)]) {
@@ -606,6 +620,7 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
   }
   c.stencilReach_m = 0;
   c.neighbors.resize(c.size());
+  c.freshNodes.resize(c.size());
   for (size_t e = 0; e < c.size(); ++e) {
     int mask = 0, corners = 0;
     for (size_t k = 1; k < 9; ++k) {
@@ -614,6 +629,13 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
       k < 5 ? mask |= 1 << (k - 1) : ++corners;
     }
     c.neighbors[e] = static_cast<unsigned char>(corners == 4 ? mask | 16 : mask);
+    unsigned fresh = 0;
+    for (size_t k = 0; k < 9; ++k) {
+      const int node = c.stencil[e][k];
+      const bool known = node < 0 || (e > 0 && std::find(c.stencil[e - 1].begin(), c.stencil[e - 1].end(), node) != c.stencil[e - 1].end());
+      if (!known) fresh |= 1u << k;
+    }
+    c.freshNodes[e] = static_cast<std::uint16_t>(fresh);
   }
 }
 
@@ -737,7 +759,7 @@ void ContactPair::Impl::findActive(const Compartment& c, const CompartmentMemory
       if (node < 0 || (cell[4 * n] == 0 && cell[4 * n + 1] == 0)) continue;
       const double* load = memory.load.data() + kLoadStride * node;
       a.force_N += cell[4 * n] * load[6];
-      area += cell[4 * n + 1] * load[11];
+      area += cell[4 * n + 1] * c.area_m2[static_cast<size_t>(node)];
     }
     a.share = area / c.area_m2[k];
     a.h_m = f.h_m;

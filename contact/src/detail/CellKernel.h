@@ -38,12 +38,12 @@ struct LawView {
   const void* self;
 };
 
-/** What the smooth rule knows of a node at the current pose. */
-struct NodeField {
+/** What the smooth rule knows of a node at the current pose, in two lines. */
+struct alignas(64) NodeField {
   double m[3];      // force direction on M, in F
   double length;    // |n + u| where the correction is on, 0 where it is off
-  double cosTheta;  // n . u
   double u[3];      // direction of the distance, turned into M, in F
+  double cosTheta;  // n . u
   double c;         // d = c s
   double h_m, hM_m;
   double factor;    // max(0, 1 + damping * rate of approach)
@@ -51,9 +51,8 @@ struct NodeField {
 
 /** Numbers per node of `place`: centre A in F (3), area, outward normal n in F (3), thickness of the fixed layer. */
 constexpr int kPlaceStride = 8;
-/** Numbers per node of `load`: force (3) and moment about Fo (3) per unit weight, scalar force, unused, scalar force times
- the position (3), area. */
-constexpr int kLoadStride = 12;
+/** Numbers per node of `load`: force (3) and moment about Fo (3) per unit weight, scalar force, unused. */
+constexpr int kLoadStride = 8;
 /** Numbers per node of `weight`: of pressure, area, energy, unused: int p g = sum_k weight_k g_k. */
 constexpr int kWeightStride = 4;
 /** Numbers per node of `adjoint`: d(load)/ds (6, 2 unused), then d(load)/dr (6, 2 unused). */
@@ -122,17 +121,5 @@ struct CellKernels {
   void (*sumStiffness)(const CellGrid&, int numWords, ThicknessSlope, const void* self, StiffnessSums&);
   void (*findPeak)(const CellGrid&, const CellTask*, int count, PeakStrain&);
 };
-
-namespace baseline {
-extern const CellKernels kCellKernels;
-}
-namespace avx2 {
-extern const CellKernels kCellKernels;
-}
-namespace avx512 {
-extern const CellKernels kCellKernels;
-}
-
-const CellKernels& activeCellKernels();
 
 }  // namespace genu::contact::detail

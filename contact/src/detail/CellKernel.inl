@@ -2,6 +2,7 @@
 
 #include "CellKernel.h"
 #include "CellRule.h"
+#include "Lanes.inl"
 
 namespace genu::contact::detail::GENU_ISA {
 
@@ -41,53 +42,60 @@ struct Response {
 
 void setNodes(const CellGrid& g, const int* nodes, int count) {
   const double* R = g.R;
-  for (int i = 0; i < count; ++i) {
-    const int k = nodes[i];
-    const bool byRay = g.hits != nullptr;
-    g.s[k] = byRay ? -g.hits[k].t_m : -g.feet[k].distance_m;
-    if (!g.usable[k]) continue;
-    NodeField& f = g.field[k];
-    const double* A = g.place + kPlaceStride * k;
-    const double* n = A + 4;
-    const double* N = byRay ? g.hits[k].normal : g.feet[k].normal;
-    const double u[3] = {-(R[0] * N[0] + R[1] * N[1] + R[2] * N[2]), -(R[3] * N[0] + R[4] * N[1] + R[5] * N[2]),
-                         -(R[6] * N[0] + R[7] * N[1] + R[8] * N[2])};
-    const double sum[3] = {n[0] + u[0], n[1] + u[1], n[2] + u[2]};
-    const double cosTheta = n[0] * u[0] + n[1] * u[1] + n[2] * u[2];
-    f.h_m = n[3] + f.hM_m;
-    if (g.corrected && cosTheta > 0) {
-      const double length = __builtin_sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]), inverse = 1 / length;
-      f.length = length;
-      f.c = byRay ? 2 * inverse * cosTheta : 2 * inverse;
-      for (int j = 0; j < 3; ++j) f.m[j] = sum[j] * inverse;
-    } else {
-      f.length = 0;
-      f.c = 1;
-      for (int j = 0; j < 3; ++j) f.m[j] = byRay && !g.corrected ? n[j] : u[j];
+  const bool byRay = g.hits != nullptr;
+  for (int first = 0; first < count; first += kLanes) {
+    const int used = count - first < kLanes ? count - first : kLanes;
+    int node[kLanes];
+    double numbers[5][kLanes];
+    Line places[kLanes];
+    for (int l = 0; l < kLanes; ++l) {  // those beyond the last repeat it
+      const int k = node[l] = nodes[first + (l < used ? l : used - 1)];
+      const double* N = byRay ? g.hits[k].normal : g.feet[k].normal;
+      for (int j = 0; j < 3; ++j) numbers[j][l] = N[j];
+      numbers[3][l] = byRay ? -g.hits[k].t_m : -g.feet[k].distance_m;
+      numbers[4][l] = g.field[k].hM_m;
+      places[l] = loadLine(g.place + kPlaceStride * k);
     }
-    f.cosTheta = cosTheta;
-    for (int j = 0; j < 3; ++j) f.u[j] = u[j];
-    f.factor = 1;
+    V place[8];
+    turnBack(places, place);
+    const V3 A = {place[0], place[1], place[2]}, n = {place[4], place[5], place[6]};
+    const V3 N = {loadLanes(numbers[0]), loadLanes(numbers[1]), loadLanes(numbers[2])};
+    const V hM = loadLanes(numbers[4]);
+    const V3 u = {-(R[0] * N.x + R[1] * N.y + R[2] * N.z), -(R[3] * N.x + R[4] * N.y + R[5] * N.z), -(R[6] * N.x + R[7] * N.y + R[8] * N.z)};
+    const V3 sum = n + u;
+    const V cosTheta = dot(n, u), h = place[7] + hM;
+    const Mask corrected = (cosTheta > 0) & (Mask{} - g.corrected);
+    const V length = choose(corrected, squareRoot(dot(sum, sum)), V{}), inverse = choose(corrected, 1 / length, V{});
+    const V c = choose(corrected, byRay ? 2 * inverse * cosTheta : 2 * inverse, all(1));
+    const V3& plain = byRay && !g.corrected ? n : u;
+    const V3 m = {choose(corrected, sum.x * inverse, plain.x), choose(corrected, sum.y * inverse, plain.y),
+                  choose(corrected, sum.z * inverse, plain.z)};
+    V factor = all(1);
     if (g.damping_sPerM > 0) {
       // Rate of approach: the velocity of M's point at A against the force on it.
-      const double V[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
-                           g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};
-      f.factor = larger(0.0, 1 - g.damping_sPerM * (f.m[0] * V[0] + f.m[1] * V[1] + f.m[2] * V[2]));
+      const V3 velocity = {g.v[0] + g.w[1] * A.z - g.w[2] * A.y, g.v[1] + g.w[2] * A.x - g.w[0] * A.z, g.v[2] + g.w[0] * A.y - g.w[1] * A.x};
+      factor = 1 - g.damping_sPerM * dot(m, velocity);
+      factor = choose(factor > 0, factor, V{});
     }
-    const double r = f.c / f.h_m;
-    g.r[k] = r;
-    if (g.share != nullptr) g.share[k] = n[3] / f.h_m;
-    const double area = A[3];
-    const double scalar = area * f.factor * (g.linear ? g.K_Pa * r : 1);
-    double* L = g.load + kLoadStride * k;
-    for (int j = 0; j < 3; ++j) L[j] = scalar * f.m[j];
-    L[3] = A[1] * L[2] - A[2] * L[1];
-    L[4] = A[2] * L[0] - A[0] * L[2];
-    L[5] = A[0] * L[1] - A[1] * L[0];
-    L[6] = scalar;
-    L[7] = 0;
-    for (int j = 0; j < 3; ++j) L[8 + j] = scalar * A[j];
-    L[11] = area;
+    const V r = c / h, scalar = place[3] * factor * (g.linear ? g.K_Pa * r : all(1));
+    const V3 force = m * scalar, moment = cross(A, force);
+    Line directions[kLanes], rest[kLanes], loads[kLanes];
+    const V direction[8] = {m.x, m.y, m.z, length, u.x, u.y, u.z, cosTheta}, others[8] = {c, h, hM, factor, r, place[7] / h, V{}, V{}};
+    const V load[8] = {force.x, force.y, force.z, moment.x, moment.y, moment.z, scalar, V{}};
+    turn(direction, directions);
+    turn(others, rest);
+    turn(load, loads);
+    for (int l = 0; l < used; ++l) {
+      const int k = node[l];
+      g.s[k] = numbers[3][l];
+      if (!g.usable[k]) continue;
+      double* field = g.field[k].m;
+      store(directions[l], field);
+      store(rest[l], field + 8);
+      store(loads[l], g.load + kLoadStride * k);
+      g.r[k] = rest[l][4];
+      if (g.share != nullptr) g.share[k] = rest[l][5];
+    }
   }
 }
 
@@ -344,9 +352,11 @@ void sum(const CellGrid& g, int numWords, bool withEnergy, NetSums& total) {
     const double* L = g.load + kLoadStride * k;
     if (w[0] == 0 && w[1] == 0) return;  // an unusable node may hold anything
     first += w[0] * load8(L);
-    for (int j = 0; j < 3; ++j) second[j] += w[0] * L[8 + j];
-    second[3] += w[1] * L[11];
-    if (withEnergy) energy += w[2] * L[11] * g.field[k].h_m;
+    const double* place = g.place + kPlaceStride * k;
+    const double scalar = w[0] * L[6];
+    for (int j = 0; j < 3; ++j) second[j] += scalar * place[j];
+    second[3] += w[1] * place[3];
+    if (withEnergy) energy += w[2] * place[3] * g.field[k].h_m;
   });
   for (int j = 0; j < 3; ++j) {
     total.force[j] = first[j];
@@ -432,9 +442,9 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
       if (g.linear) df[i] += (scale * f.factor * m[i]) * dr;
     }
     if (damped && f.factor > 0) {
-      const double V[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
-                           g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};
-      const V8 dFactor = -g.damping_sPerM * (V[0] * dm[0] + V[1] * dm[1] + V[2] * dm[2]);
+      const double at[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
+                            g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};  // velocity of M's point at A
+      const V8 dFactor = -g.damping_sPerM * (at[0] * dm[0] + at[1] * dm[1] + at[2] * dm[2]);
       for (int i = 0; i < 3; ++i) df[i] += (scale * value * m[i]) * dFactor;
       const V8 wrench = {m[0], m[1], m[2], A[1] * m[2] - A[2] * m[1], A[2] * m[0] - A[0] * m[2], A[0] * m[1] - A[1] * m[0], 0, 0};
       for (int i = 0; i < 6; ++i) D[i] += (-g.damping_sPerM * scale * value * wrench[i]) * wrench;
@@ -479,7 +489,5 @@ void findPeak(const CellGrid& g, const CellTask* tasks, int count, PeakStrain& p
 }
 
 }  // namespace
-
-const CellKernels kCellKernels = {setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak};
 
 }  // namespace genu::contact::detail::GENU_ISA

@@ -166,6 +166,8 @@ constexpr int kMaxLines = 56;  // 6 splits, 8 lines a piece
 struct Lines {
   double a[kMaxLines], weight[kMaxLines];
   int count;
+  double from[7], to[7];  // pieces whose lines lie in the region from end to end and are not listed
+  int numWhole;
   bool swapped;
   double s0, sa, sb, saa, sbb, sab;
 };
@@ -178,9 +180,20 @@ inline const GradedRule& findGraded(const LawShape& shape, double strain) {
   return *rule;
 }
 
-/** The outer range is split where the rim crosses the cell's border, so that the integrand is analytic on each piece. With a law,
- points crowd where a piece's lines reach little depth; r is the cell's strain per s. */
-inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* shape = nullptr, double r = 0) {
+/** How the region meets a line: the same for all lines of a piece. */
+enum class Meeting { none, part, whole };
+inline Meeting meetLine(double c0, double c1, double c2) {
+  const double low = c0 + 0.25 * c2 - 0.5 * c1, high = c0 + 0.25 * c2 + 0.5 * c1;
+  if ((low > 0) != (high > 0)) return Meeting::part;
+  // Both ends on one side: it crosses twice or not at all.
+  if (absolute(c1) < absolute(c2) && c1 * c1 > 4 * c2 * c0) return Meeting::part;
+  return low > 0 ? Meeting::whole : Meeting::none;
+}
+
+/** The outer range is split where the rim crosses the cell's border, so that the integrand is analytic on each piece; pieces outside
+ the region have no lines. With a law, points crowd where a piece's lines reach little depth; r is the cell's strain per s. Without,
+ pieces inside it are listed as wholes. */
+inline void findLines(const double S[kMonomials], Lines& lines, bool wholePieces, const LawShape* shape = nullptr, double r = 0) {
   const bool swapped = lines.swapped = absolute(S[1]) > absolute(S[2]);
   const double sa = lines.sa = swapped ? S[2] : S[1], sb = lines.sb = swapped ? S[1] : S[2];
   const double saa = lines.saa = swapped ? S[4] : S[3], sbb = lines.sbb = swapped ? S[3] : S[4];
@@ -213,7 +226,7 @@ inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* 
       if (absolute(sb + sab * root[k]) <= absolute(sbb)) add(root[k], true);
     }
   }
-  lines.count = 0;
+  lines.count = lines.numWhole = 0;
   double from = -0.5;
   bool fromTurn = false;
   for (int piece = 0; piece <= n; ++piece) {
@@ -224,7 +237,12 @@ inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* 
       lines.a[lines.count] = a;
       lines.weight[lines.count++] = weight;
     };
-    if (width > 0) {
+    const Meeting meeting =
+        width > 0 ? meetLine(s0 + middle * (sa + saa * middle), sb + sab * middle, sbb) : Meeting::none;
+    if (meeting == Meeting::whole && wholePieces) {
+      lines.from[lines.numWhole] = from;
+      lines.to[lines.numWhole++] = to;
+    } else if (meeting != Meeting::none) {
       if (fromTurn || toTurn) {
         for (int i = 0; i < 8; ++i) {
           const double t = Gauss<8>::x[i] + 0.5;  // a = from + width t^2 (3 - 2t): square-root ends become analytic
@@ -306,9 +324,10 @@ inline void unswap(bool swapped, const double* local, double* moments) {
 /** Eight lines at a time. Between its two roots a quadratic has the sign against that of b^2, outside them the other. */
 inline void calcRimArea(const double S[kMonomials], double area[kMoments]) {
   Lines lines;
-  findLines(S, lines);
+  findLines(S, lines, true);
   constexpr int kLanes = 8;
   constexpr double kFull[5] = {1, 0, 1.0 / 12, 0, 1.0 / 80};  // int b^k over the cell
+  constexpr double kInverse[5] = {1, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5};
   while (lines.count % kLanes != 0) {
     lines.a[lines.count] = 0;
     lines.weight[lines.count++] = 0;
@@ -355,6 +374,16 @@ inline void calcRimArea(const double S[kMonomials], double area[kMoments]) {
   for (int i = 0; i < kMoments; ++i) {
     const double* x = sums[i];
     local[i] = ((x[0] + x[4]) + (x[1] + x[5])) + ((x[2] + x[6]) + (x[3] + x[7]));
+  }
+  for (int piece = 0; piece < lines.numWhole; ++piece) {
+    const double from = lines.from[piece], to = lines.to[piece];
+    double powerFrom = from, powerTo = to;
+    for (int j = 0; j <= 4; ++j) {
+      const double integral = (powerTo - powerFrom) * kInverse[j];
+      for (int k = 0; j + k <= 4; k += 2) local[momentIndex(j, k)] += integral * kFull[k];
+      powerFrom *= from;
+      powerTo *= to;
+    }
   }
   unswap(lines.swapped, local, area);
 }
@@ -504,7 +533,7 @@ inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], 
     return;
   }
   Lines lines;
-  findLines(S, lines, rule.mild ? nullptr : &shape, R[0]);
+  findLines(S, lines, false, rule.mild ? nullptr : &shape, R[0]);
   const double q0 = lines.swapped ? R[2] : R[1], q1 = lines.swapped ? R[1] : R[2];
   const double q00 = lines.swapped ? R[4] : R[3], q11 = lines.swapped ? R[3] : R[4];
   // Sums over the inner variable: of P b^k, U b^k and the slopes' b^k.
@@ -585,7 +614,7 @@ inline void forEachLawPoint(const double S[kMonomials], const double R[kSmooth],
   if (rule.tensor == 3) return tensor(kTensor<3>, 3);
   if (rule.tensor == 4) return tensor(kTensor<4>, 4);
   Lines lines;
-  findLines(S, lines, rule.mild ? nullptr : &shape, R[0]);
+  findLines(S, lines, false, rule.mild ? nullptr : &shape, R[0]);
   forEachInterval(lines, [&](double a, double weight, double b0, double b1) {
     const auto place = [&](double b, double& xi, double& eta) {
       xi = lines.swapped ? b : a;

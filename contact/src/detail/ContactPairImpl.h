@@ -3,6 +3,7 @@
 // What a contact pair and its workspace hold.
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <variant>
 #include <vector>
@@ -47,6 +48,7 @@ struct Compartment {
   std::vector<double> area_m2, hF_m;
   Numbers place;  // the four above together, see CellKernel.h
   std::vector<unsigned char> neighbors;  // of each element, as a mask (CellRule.h)
+  std::vector<std::uint16_t> freshNodes;  // of each element, as a mask: places in its stencil that the element before has not
   double stencilReach_m = 0;  // largest distance of a stencil's node from its element
   std::vector<ThicknessNote> note;
   std::array<Vec3, 8> corner_F;  // box around all nodes

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
@@ -14,6 +15,7 @@ struct ElementLook {
   double p_MA[3], normal[3];  // its centre, and the normal at the centre's foot
   double turn;                // CompartmentMemory::turn then
   double spread;              // how far the normals at its nodes' feet differ from that
+  double reach_m;             // the prediction holds for points nearer than this to the centre
 };
 
 /** How far a moving surface lets the signed distance of points change. */
@@ -22,20 +24,24 @@ class DistancePredictor {
   explicit DistancePredictor(const ContactSurface& surface);
   /** Treats what lies outside [u0, u1] x [v0, v1] of a patch as beyond an open border. */
   void restrict(int patch, const std::array<double, 4>& uv);
-  /** Bound of the change of s at points within reach_m of one whose foot is known, beyond -normal . shift, when that one shifts by
-   shift_m, the others by at most lever_m more or less, and their normals differ from its own by at most `spread`; infinite where
-   that cannot be told: on the way out of the zone where feet are unique, or near an open border. */
-  double calcError(const TrackedFoot& foot, double reach_m, double spread, double shift_m, double lever_m) const {
-    constexpr double kInfinity = 1e300;
-    const double way_m = shift_m + lever_m, span_m = reach_m + way_m;
-    if (foot.patch < 0 || !(std::abs(foot.distance_m) + span_m < safe_m_)) return kInfinity;
+  /** How far around a foot's query point predictions hold: less than the way out of the zone where feet are unique, or half that to
+   an open border; <= 0 where there is no foot. */
+  double calcReach_m(const TrackedFoot& foot) const {
+    if (foot.patch < 0) return 0;
+    double reach_m = safe_m_ - std::abs(foot.distance_m);
     const Borders& b = borders_[static_cast<size_t>(foot.patch)];
     if (b.open) {
       const double* j = foot.duvdQ;
-      const double du = 2 * span_m * std::sqrt(j[0] * j[0] + j[1] * j[1] + j[2] * j[2]);
-      const double dv = 2 * span_m * std::sqrt(j[3] * j[3] + j[4] * j[4] + j[5] * j[5]);
-      if (!(foot.u - du > b.u0 && foot.u + du < b.u1 && foot.v - dv > b.v0 && foot.v + dv < b.v1)) return kInfinity;
+      const double perU = 2 * std::sqrt(j[0] * j[0] + j[1] * j[1] + j[2] * j[2]);
+      const double perV = 2 * std::sqrt(j[3] * j[3] + j[4] * j[4] + j[5] * j[5]);
+      reach_m = std::min({reach_m, std::min(foot.u - b.u0, b.u1 - foot.u) / perU, std::min(foot.v - b.v0, b.v1 - foot.v) / perV});
     }
+    return reach_m;
+  }
+  /** Bound of the change of s at points around one whose foot is known, beyond -normal . shift, when that one shifts by shift_m,
+   the others by at most lever_m more or less, and their normals differ from its own by at most `spread`. */
+  double calcError(double spread, double shift_m, double lever_m) const {
+    const double way_m = shift_m + lever_m;
     return lever_m + spread * shift_m + 0.5 * largestCurvature_perM_ * way_m * way_m;
   }
 

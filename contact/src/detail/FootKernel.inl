@@ -1,3 +1,5 @@
+#pragma once
+
 // Body of the fast solver; included once per instruction set with GENU_ISA set to its namespace. No library headers but
 // plain data, see FootKernel.h.
 
@@ -78,7 +80,7 @@ FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search,
       const V4 N = cross(xs, xt);
       const double scale = patch.normalSign / __builtin_sqrt(dot3(N, N));
       const V4 n = N * scale;
-      store(B, foot.p_MB);
+      store(B, search.p_MB);
       store(n, foot.normal);
       foot.distance_m = dot3(n, q - B);
       if (derivatives != FootDerivatives::none) {
@@ -103,8 +105,6 @@ FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search,
   return FootOutcome::failed;
 }
 
-}  // namespace
-
 FootOutcome solveFoot(const PatchTables& patch, const double* Q, FootSearch& search, FootDerivatives derivatives, TrackedFoot& foot) {
   const int pu = patch.u.degree, pv = patch.v.degree;
   if (pu == 3 && pv == 3) {
@@ -118,5 +118,7 @@ FootOutcome solveFoot(const PatchTables& patch, const double* Q, FootSearch& sea
   return patch.rational ? solve<0, 0, true>(patch, Q, search, derivatives, foot)
                         : solve<0, 0, false>(patch, Q, search, derivatives, foot);
 }
+
+}  // namespace
 
 }  // namespace genu::contact::detail::GENU_ISA

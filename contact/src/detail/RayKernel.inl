@@ -97,8 +97,6 @@ FootOutcome shoot(const PatchTables& patch, const double* A, const double* n, bo
   return FootOutcome::failed;
 }
 
-}  // namespace
-
 FootOutcome solveRay(const PatchTables& patch, const double* A, const double* n, bool derivatives, RayHit& hit) {
   const int pu = patch.u.degree, pv = patch.v.degree;
   if (pu == 3 && pv == 3) {
@@ -109,5 +107,7 @@ FootOutcome solveRay(const PatchTables& patch, const double* A, const double* n,
   }
   return patch.rational ? shoot<0, 0, true>(patch, A, n, derivatives, hit) : shoot<0, 0, false>(patch, A, n, derivatives, hit);
 }
+
+}  // namespace
 
 }  // namespace genu::contact::detail::GENU_ISA
