@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "detail/CellRule.h"
+#include "detail/Kernels.h"
 
 namespace genu::contact::detail {
 
@@ -165,6 +166,8 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
     dG = node.dG();
     g[18] = g[19] = g[20] = 0;
   });
+  const auto listLawPoints = activeKernels().cells.listLawPoints;
+  LawPoints points;
   const bool layerVaries = impl.movingLayer == MovingLayer::map || impl.movingLayer == MovingLayer::plane;
   for (size_t i = 0; i < memory.tasks.size(); ++i) {
     if (!isActive(i)) continue;
@@ -196,7 +199,10 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
       }
     }
     double byS[kMonomials] = {}, byR[kSmooth] = {}, byG[kSmooth] = {};
-    forEachLawPoint(task.S, R, lowerBound(task.S) >= 0, law.shape, [&](double w, double xi, double eta) {
+    listLawPoints(task.S, R, lowerBound(task.S) >= 0, law.shape, points);
+    for (int at = 0; at < points.count; ++at) {
+      const double w = points.w[at], xi = points.xi[at], eta = points.eta[at];
+      if (w == 0) continue;
       const double s = evaluateAt(task.S, xi, eta), r = evaluateSmoothAt(R, xi, eta), area = evaluateSmoothAt(G, xi, eta);
       double p[4];
       law.respond(law.self, s * r, evaluateSmoothAt(share, xi, eta), p);
@@ -206,7 +212,7 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
         byR[m] += w * area * p[0] * s * monomial[m];
         byG[m] += w * p[2] * monomial[m];
       }
-      if (!withStiffness) return;
+      if (!withStiffness) continue;
       const Eigen::Map<const Vector6> x(monomial);
       const Vector6 ds = dS * x, dr = dR * x.head<kSmooth>(), de = r * ds + s * dr;
       out.byMotion.noalias() -= (w * area * p[1]) * de * de.transpose();
@@ -215,7 +221,7 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
         const Vector6 dArea = dG * x.head<kSmooth>();
         out.byMotion.noalias() -= (w * p[0]) * (dArea * de.transpose() + de * dArea.transpose());
       }
-    });
+    }
     for (size_t n = 0; n < kStencil; ++n) {
       const int k = stencil[n];
       if (k < 0 || !grid.usable[k]) continue;

@@ -61,6 +61,10 @@ const GradedRule* detail::gradedRules() {
     for (size_t level = 0; level < rules.size(); ++level) {
       const double t = 0.5 * static_cast<double>(level + 1);
       rules[level].largestRatio = std::sinh(t);
+      for (int k = 0; k < GradedRule::kPadded; ++k) {
+        rules[level].x[k] = 0.5;
+        rules[level].w[k] = 0;
+      }
       for (int k = 0; k < GradedRule::kPoints; ++k) {
         const double at = k < kHalf ? u[k] : 1 - u[GradedRule::kPoints - 1 - k];
         rules[level].x[k] = std::sinh(t * at) / std::sinh(t);

@@ -138,10 +138,10 @@ TEST(FeetInLanes, BesideEachOtherOrAloneTheyAreTheSame) {
         // step, up to 3e-8 m away.
         for (int k = 0; k < 3; ++k) {
           ASSERT_NEAR(a.normal[k], b.normal[k], 1e-10);
-          ASSERT_NEAR(a.nu[k], b.nu[k], 1e-6);
-          ASSERT_NEAR(a.nv[k], b.nv[k], 1e-6);
+          ASSERT_NEAR(a.nu[k], b.nu[k], 1e-5);
+          ASSERT_NEAR(a.nv[k], b.nv[k], 1e-5);
         }
-        for (int k = 0; k < 6; ++k) ASSERT_NEAR(a.duvdQ[k], b.duvdQ[k], 1e-7);
+        for (int k = 0; k < 6; ++k) ASSERT_NEAR(a.duvdQ[k], b.duvdQ[k], 1e-4);  // of 30, over 3e-8 m
       }
       for (double& x : Q) x += 1e-5;
     }

@@ -12,8 +12,9 @@ namespace genu::contact::detail {
  singularities at +-i a is then sampled evenly in asinh(e/a): t = asinh(e_max/a). */
 struct GradedRule {
   static constexpr int kPoints = 6, kLevels = 16;  // t = (level + 1) / 2
+  static constexpr int kPadded = 8;                // the last have no weight
   double largestRatio;                             // sinh(t)
-  double x[kPoints], w[kPoints];
+  double x[kPadded], w[kPadded];
 };
 /** kLevels rules, made once. */
 const GradedRule* gradedRules();
@@ -57,6 +58,13 @@ constexpr int kLoadStride = 8;
 constexpr int kWeightStride = 4;
 /** Numbers per node of `adjoint`: d(load)/ds (6, 2 unused), then d(load)/dr (6, 2 unused). */
 constexpr int kAdjointStride = 16;
+
+/** Points (xi, eta) and weights at which a law is read in a cell, whole vectors of them (some without weight). */
+struct LawPoints {
+  static constexpr int kMost = 16 * 56;  // lines: at most 56 with two rules of 8 points each
+  int count;
+  double w[kMost], xi[kMost], eta[kMost];
+};
 
 /** One compartment at one pose. Strain at a node: s r, s the penetration before the midsurface correction (-AB, or -AC along the
  node's normal by ray), > 0 in contact. */
@@ -120,6 +128,11 @@ struct CellKernels {
   void (*sum)(const CellGrid&, int numWords, bool withEnergy, NetSums&);
   void (*sumStiffness)(const CellGrid&, int numWords, ThicknessSlope, const void* self, StiffnessSums&);
   void (*findPeak)(const CellGrid&, const CellTask*, int count, PeakStrain&);
+  // One cell, with the coefficients S of s and R of r (CellRule.h):
+  /** int_{s>0} xi^a eta^b, 15 moments. */
+  void (*calcRimArea)(const double* S, double* moments);
+  /** `full`: s >= 0 in the whole cell. */
+  void (*listLawPoints)(const double* S, const double* R, bool full, const LawShape&, LawPoints&);
 };
 
 }  // namespace genu::contact::detail

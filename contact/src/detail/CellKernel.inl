@@ -1,42 +1,13 @@
 // Body of the smooth rule's arithmetic; included once per instruction set with GENU_ISA set to its namespace.
 
 #include "CellKernel.h"
+#include "CellLaw.inl"
 #include "CellRule.h"
 #include "Lanes.inl"
 
 namespace genu::contact::detail::GENU_ISA {
 
 namespace {
-
-typedef double V8 __attribute__((vector_size(64)));
-
-inline V8 load8(const double* p) {
-  V8 v;
-  __builtin_memcpy(&v, p, sizeof v);
-  return v;
-}
-inline void store8(V8 v, double* p) { __builtin_memcpy(p, &v, sizeof v); }
-inline void add8(V8 v, double* p) { store8(load8(p) + v, p); }
-
-template <bool kWithEnergy>
-struct Response {
-  const LawView& law;
-  GENU_INLINE void operator()(double strain, double& p, double& dp, double& energy) const {
-    if (law.kind == LawView::linear) {
-      p = law.K_Pa * strain;
-      dp = law.K_Pa;
-      energy = 0.5 * p * strain;
-    } else if (law.kind == LawView::table && strain < law.pieces.largestStrain) {
-      readTable<kWithEnergy>(law.pieces, larger(strain, 0.0), p, dp, energy);
-    } else {
-      double out[4];
-      law.respond(law.self, strain, 1, out);
-      p = out[0];
-      dp = out[1];
-      energy = out[2];
-    }
-  }
-};
 
 // ---- nodes ------------------------------------------------------------------------------------------------------
 
@@ -188,6 +159,15 @@ inline void contract(const double moments[kMoments], const V8 G[kSmooth], int co
 
 /** Coefficients of a smooth quantity of the nodes (r = c/h, share) in a cell. */
 inline void gatherSmooth(const double* ofNode, const int* stencil, int mask, double R[kSmooth]) {
+  if ((mask & 15) == 15) {
+    const double c = ofNode[stencil[0]], e = ofNode[stencil[1]], w = ofNode[stencil[2]], n = ofNode[stencil[3]], s = ofNode[stencil[4]];
+    R[0] = c;
+    R[1] = 0.5 * (e - w);
+    R[2] = 0.5 * (n - s);
+    R[3] = 0.5 * (e + w) - c;
+    R[4] = 0.5 * (n + s) - c;
+    return;
+  }
   double r[kStencil] = {};
   for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? ofNode[stencil[n]] : 0;
   double all[kMonomials];
@@ -217,7 +197,7 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
     double R[kSmooth] = {};
     if (!isLinear || withEnergy) gatherSmooth(g.r, stencil, task.mask, R);
     if (isLinear) {
-      if (withEnergy) calcLawMoments<true, false>(S, R, full, law.shape, Response<true>{law}, m);
+      if (withEnergy) calcLawMoments<true, false>(S, R, full, law, m);
       if (full) {
         calcFullLinearMoments(S, m.pressure);
       } else {
@@ -226,12 +206,10 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
     } else if (g.share != nullptr) {
       double Q[kSmooth];
       gatherSmooth(g.share, stencil, task.mask, Q);
-      calcSharedMoments<kWithStiffness>(
-          S, R, Q, full, law.shape,
-          [&](double strain, double share, double* answer) { law.respond(law.self, strain, share, answer); }, m);
+      calcSharedMoments<kWithStiffness>(S, R, Q, full, law, m);
     } else {
-      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law.shape, Response<true>{law}, m)
-                 : calcLawMoments<false, kWithStiffness>(S, R, full, law.shape, Response<false>{law}, m);
+      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law, m)
+                 : calcLawMoments<false, kWithStiffness>(S, R, full, law, m);
     }
     const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
     spread(m.pressure, task.mask, out);

@@ -121,7 +121,7 @@ void stepSpan(const FeetTask& task, FeetPool& pool, const int (&lane)[kLanes], i
   V ds = (b * gt - cc * gs) * inv, dt = (b * gs - a * gt) * inv;
   const V step = 2 * (ds * ds * A + dt * dt * C);
   const Mask inSpan = (s + ds <= 1) & (s + ds >= -1) & (t + dt <= 1) & (t + dt >= -1);
-  const V reach = absolute(r.x) + absolute(r.y) + absolute(r.z);
+  const V reach = magnitude(r.x) + magnitude(r.y) + magnitude(r.z);
   const double tol = patch.tolerance_m;
   const Mask good = (0.5 * (3 * patch.bend_perM + reach * patch.twist_perM2) * step <= 0.5 * tol) & inSpan;
   const Mask small = (gs * gs <= tol * tol * A) & (gt * gt <= tol * tol * C);

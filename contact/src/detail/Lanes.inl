@@ -9,6 +9,10 @@
 #include <immintrin.h>  // emits nothing: all of it is always inlined
 #endif
 
+#ifndef GENU_INLINE
+#define GENU_INLINE inline __attribute__((always_inline))
+#endif
+
 namespace genu::contact::detail::GENU_ISA {
 
 namespace {
@@ -31,8 +35,9 @@ inline V loadLanes(const double* p) {
   __builtin_memcpy(&x, p, sizeof x);
   return x;
 }
+inline void storeLanes(V x, double* to) { __builtin_memcpy(to, &x, sizeof x); }
 inline V choose(Mask where, V yes, V no) { return where ? yes : no; }
-inline V absolute(V x) {
+inline V magnitude(V x) {
   return reinterpret_cast<V>(reinterpret_cast<Mask>(x) & (Mask{} + 0x7fffffffffffffffl));
 }
 // `bits`: one bit per lane.
@@ -65,7 +70,7 @@ inline void store(Line line, double* to) { __builtin_memcpy(to, &line, sizeof li
 
 /** Eight numbers of every lane -> one line per lane; turnBack: the other way. */
 #if defined(__AVX512F__)
-inline void turn(const V (&x)[8], Line (&to)[8]) {
+GENU_INLINE void turn(const V (&x)[8], Line (&to)[8]) {
   V a[8], b[8];
 #pragma GCC unroll 4
   for (int k = 0; k < 8; k += 2) {  // pairs of lanes
@@ -86,9 +91,9 @@ inline void turn(const V (&x)[8], Line (&to)[8]) {
     to[4 + i] = __builtin_shufflevector(b[i], b[4 + i], 4, 5, 6, 7, 12, 13, 14, 15);
   }
 }
-inline void turnBack(const Line (&x)[8], V (&to)[8]) { turn(x, to); }
+GENU_INLINE void turnBack(const Line (&x)[8], V (&to)[8]) { turn(x, to); }
 #elif defined(__AVX__)
-inline void turnFour(const V* x, V (&to)[4]) {
+GENU_INLINE void turnFour(const V* x, V (&to)[4]) {
   const V a = __builtin_shufflevector(x[0], x[1], 0, 4, 2, 6), b = __builtin_shufflevector(x[0], x[1], 1, 5, 3, 7);
   const V c = __builtin_shufflevector(x[2], x[3], 0, 4, 2, 6), d = __builtin_shufflevector(x[2], x[3], 1, 5, 3, 7);
   to[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
@@ -96,14 +101,14 @@ inline void turnFour(const V* x, V (&to)[4]) {
   to[2] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
   to[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
 }
-inline void turn(const V (&x)[8], Line (&to)[4]) {
+GENU_INLINE void turn(const V (&x)[8], Line (&to)[4]) {
   V low[4], high[4];
   turnFour(x, low);
   turnFour(x + 4, high);
 #pragma GCC unroll 4
   for (int l = 0; l < 4; ++l) to[l] = __builtin_shufflevector(low[l], high[l], 0, 1, 2, 3, 4, 5, 6, 7);
 }
-inline void turnBack(const Line (&x)[4], V (&to)[8]) {
+GENU_INLINE void turnBack(const Line (&x)[4], V (&to)[8]) {
   V low[4], high[4], turned[4];
 #pragma GCC unroll 4
   for (int l = 0; l < 4; ++l) {
@@ -116,14 +121,16 @@ inline void turnBack(const Line (&x)[4], V (&to)[8]) {
   for (int k = 0; k < 4; ++k) to[4 + k] = turned[k];
 }
 #else
-inline void turnBack(const Line (&x)[kLanes], V (&to)[8]) {
+GENU_INLINE void turnBack(const Line (&x)[kLanes], V (&to)[8]) {
+#pragma GCC unroll 8
   for (int k = 0; k < 8; ++k) {
     double lanes[kLanes];
     for (int l = 0; l < kLanes; ++l) lanes[l] = x[l][k];
     to[k] = loadLanes(lanes);
   }
 }
-inline void turn(const V (&x)[8], Line (&to)[kLanes]) {
+GENU_INLINE void turn(const V (&x)[8], Line (&to)[kLanes]) {
+#pragma GCC unroll 2
   for (int l = 0; l < kLanes; ++l) to[l] = Line{x[0][l], x[1][l], x[2][l], x[3][l], x[4][l], x[5][l], x[6][l], x[7][l]};
 }
 #endif
