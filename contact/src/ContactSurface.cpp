@@ -341,7 +341,7 @@ void ContactSurface::Search::addTables(const NurbsPatch& patch) {
       const NurbsPatch::Span& span = alongU ? patch.spanU(i) : patch.spanV(i);
       spans.insert(spans.end(), {span.center, span.invHalfWidth, 1 / span.invHalfWidth});
     }
-    d.numBuckets = std::min(4096, 4 * d.numSpans);
+    d.numBuckets = std::min(4096, 16 * d.numSpans);  // few hold a knot
     d.bucketScale = d.numBuckets / (d.hi - d.lo);
     std::vector<unsigned short> buckets;
     for (int k = 0; k < d.numBuckets; ++k) {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "detail/CellRule.h"
@@ -214,19 +215,20 @@ class SmoothEvaluation {
   /** Finds the elements to look at and the nodes they need. Search modes query and test as they go. */
   void findCandidates() {
     memory_.tasks.clear();
-    memory_.nodes.clear();
+    memory_.numNodes = 0;
     memory_.candidates.clear();
     moveMarks();
     if (isSearch()) {
       search();
       if (impl_.definition.tracking == Tracking::breadthFirstUnguarded && !memory_.tasks.empty()) return;
     }
-    firstNode_ = memory_.nodes.size();
+    firstNode_ = memory_.numNodes;
     const Tracking tracking = impl_.definition.tracking;
     const bool exact = tracking != Tracking::all && tracking != Tracking::breadthFirstUnguarded;
     const double* mark_m = memory_.mark_m.data();
-    for (int e = 0; e < c_.elements; ++e) {
-      if (exact && mark_m[e] > memory_.way_m) continue;
+    const int numDue = kernels_.listDue(mark_m, c_.elements, exact ? memory_.way_m : std::numeric_limits<double>::infinity(), memory_.due.data());
+    for (int i = 0; i < numDue; ++i) {
+      const int e = memory_.due[static_cast<size_t>(i)];
       if (isSearch() && memory_.visit[static_cast<size_t>(e)] == stamp_) continue;
       if (exact && !byRay_ && -mark_m[e] <= memory_.way_m && isClear(e)) continue;
       gatherNodes(e, memory_.candidates.empty() ? -2 : memory_.candidates.back());
@@ -237,7 +239,7 @@ class SmoothEvaluation {
   int numNodeBlocks() const { return (numNewNodes() + kNodesPerBlock - 1) / kNodesPerBlock; }
   void queryBlock(int block) {
     const size_t from = firstNode_ + static_cast<size_t>(block) * kNodesPerBlock;
-    query(from, std::min(from + kNodesPerBlock, memory_.nodes.size()));
+    query(from, std::min(from + kNodesPerBlock, memory_.numNodes));
   }
 
   /** Which candidates may be in contact. */
@@ -295,8 +297,8 @@ class SmoothEvaluation {
     findPeak();
   }
 
-  int numNewNodes() const { return static_cast<int>(memory_.nodes.size() - firstNode_); }
-  int numNodes() const { return static_cast<int>(memory_.nodes.size()); }
+  int numNewNodes() const { return static_cast<int>(memory_.numNodes - firstNode_); }
+  int numNodes() const { return static_cast<int>(memory_.numNodes); }
   void addStiffness(Matrix6& byMotion, Matrix6& byRate) const {
     using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
     byMotion += gradient_.byMotion + Eigen::Map<const Rows>(stiffness_.byMotion).leftCols<6>();
@@ -318,12 +320,16 @@ class SmoothEvaluation {
   void gatherNodes(int e, int before) {
     const auto& stencil = c_.stencil[static_cast<size_t>(e)];
     unsigned fresh = before == e - 1 ? c_.freshNodes[static_cast<size_t>(e)] : 511;
+    size_t count = memory_.numNodes;
     for (; fresh != 0; fresh &= fresh - 1) {
       const int k = stencil[static_cast<size_t>(__builtin_ctz(fresh))];
-      if (k < 0 || memory_.nodeVisit[static_cast<size_t>(k)] == stamp_) continue;
+      if (k < 0) continue;
+      // Whether a node is new can not be foretold: no branch.
+      memory_.nodes[count] = k;
+      count += memory_.nodeVisit[static_cast<size_t>(k)] != stamp_;
       memory_.nodeVisit[static_cast<size_t>(k)] = stamp_;
-      memory_.nodes.push_back(k);
     }
+    memory_.numNodes = count;
   }
 
   /** Feet and fields of memory_.nodes[from .. to). */
@@ -399,7 +405,8 @@ class SmoothEvaluation {
 
   /** What the queried elements' own nodes tell, for the status. */
   void countNodes() {
-    for (const int node : memory_.nodes) {
+    for (size_t i = 0; i < memory_.numNodes; ++i) {
+      const int node = memory_.nodes[i];
       if (node >= c_.elements) continue;
       const auto k = static_cast<size_t>(node);
       const TrackedFoot& foot = memory_.feet[k];
@@ -436,10 +443,12 @@ class SmoothEvaluation {
     memory_.hasLast = true;
   }
 
+  /** 1 / largestGain, a hair less. */
+  static double perGain(int mask) { return mask == kAllNeighbors ? (1 - 1e-9) / 1.75 : (1 - 1e-9) / 3.25; }
   /** No node's s changes faster than it moves, and the polynomial by at most largestGain times that. Positive marks: no contact
    before this way; negative ones: contact at least until then, as far as its bound can tell. */
   void setMark(size_t element, double bound, int mask) {
-    const double way_m = (1 - 1e-9) * std::abs(bound) / largestGain(mask) + memory_.way_m;
+    const double way_m = std::abs(bound) * perGain(mask) + memory_.way_m;
     memory_.mark_m[element] = bound <= 0 ? way_m : -way_m;
   }
 
@@ -542,9 +551,9 @@ class SmoothEvaluation {
       memory_.visit[static_cast<size_t>(start)] = stamp_;
       for (size_t head = 0; head < memory_.queue.size(); ++head) {
         const int e = memory_.queue[head];
-        const size_t from = memory_.nodes.size();
+        const size_t from = memory_.numNodes;
         gatherNodes(e, -2);
-        query(from, memory_.nodes.size());
+        query(from, memory_.numNodes);
         if (test(&e, 1) == 0) continue;
         for (const int next : c_.stencil[static_cast<size_t>(e)]) {
           if (next < 0 || next >= c_.elements || memory_.visit[static_cast<size_t>(next)] == stamp_) continue;
@@ -663,10 +672,11 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   m.adjoint.resize(kAdjointStride * nodes);
   if (definition.correction == Correction::energy) m.gradient.resize(kGradientStride * nodes);
   m.touched.resize((nodes + 63) / 64);
-  m.nodes.reserve(nodes);
+  m.nodes.resize(nodes + 1);  // one is written past the last
   m.query.resize(3 * nodes);
   m.look.resize(n);
   m.candidates.reserve(n);
+  m.due.resize(n);
   m.candidateMask.resize(n);
   m.candidateBound.resize(n);
   m.tasks.reserve(n + 1);
@@ -720,7 +730,7 @@ void ContactPair::Impl::evaluateSmooth(std::vector<CompartmentMemory>& memory, E
     group.count = std::min(Group::kGroup, compartments.size() - from);
     size_t lastQueries = 0;
     for (size_t k = 0; k < group.count; ++k) {
-      lastQueries += memory[from + k].nodes.size();
+      lastQueries += memory[from + k].numNodes;
       group.evaluations[k].emplace(*this, compartments[from + k], task, memory[from + k], task.loads[from + k]);
     }
     // As much to do as last time, or everything on a first one.

@@ -116,6 +116,8 @@ struct StiffnessSums {
 using ThicknessSlope = bool (*)(const void* self, int node, double slope[3]);
 
 struct CellKernels {
+  /** Numbers of the elements whose mark is not above `way`, ascending; returns how many. `list` has room for all. */
+  int (*listDue)(const double* mark, int count, double way, int* list);
   /** Sets s, r, field and load of the nodes from their feet; field[k].hM_m and usable[k] are the caller's. */
   void (*setNodes)(const CellGrid&, const int* nodes, int count);
   /** Coefficients of s for the candidates; appends those that may be in contact to `tasks` and returns their number. bound[i] is

@@ -9,6 +9,20 @@ namespace genu::contact::detail::GENU_ISA {
 
 namespace {
 
+// ---- candidates -------------------------------------------------------------------------------------------------
+
+int listDue(const double* mark, int count, double way, int* list) {
+  int found = 0, e = 0;
+  for (; e + kLanes <= count; e += kLanes) {
+    unsigned due = static_cast<unsigned>(bits(~(loadLanes(mark + e) > way)));
+    for (; due != 0; due &= due - 1) list[found++] = e + __builtin_ctz(due);
+  }
+  for (; e < count; ++e) {
+    if (!(mark[e] > way)) list[found++] = e;
+  }
+  return found;
+}
+
 // ---- nodes ------------------------------------------------------------------------------------------------------
 
 void setNodes(const CellGrid& g, const int* nodes, int count) {

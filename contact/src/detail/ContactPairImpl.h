@@ -89,10 +89,11 @@ struct CompartmentMemory {
   Numbers s, r, load, weight, adjoint, share, byShare; // see CellGrid
   Numbers gradient;                    // energy form only, see EnergyRule.h
   std::vector<unsigned long> touched;
-  std::vector<int> nodes;              // queried in this evaluation
+  std::vector<int> nodes;              // queried in this evaluation: the first numNodes
+  size_t numNodes = 0;
   Numbers query;
   // Smooth rule, of elements:
-  std::vector<int> candidates, candidateMask;
+  std::vector<int> due, candidates, candidateMask;
   Numbers candidateBound;
   std::vector<CellTask> tasks;         // cells that may be in contact, in element order
   Numbers cells;                       // their results, see CellKernel.h

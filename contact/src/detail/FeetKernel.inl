@@ -60,6 +60,25 @@ inline void place(const PatchTables* patches, FeetPool& pool, int k) {
   pool.pending |= bit;
 }
 
+/** One bit for each of kFeetAtOnce numbers that equals x. */
+inline unsigned long findEqual(const int* numbers, int x) {
+  unsigned long equal = 0;
+#if defined(__AVX512F__)
+  for (int k = 0; k < kFeetAtOnce; k += 16) {
+    equal |= static_cast<unsigned long>(_mm512_cmpeq_epi32_mask(_mm512_loadu_si512(numbers + k), _mm512_set1_epi32(x))) << k;
+  }
+#elif defined(__AVX2__)
+  for (int k = 0; k < kFeetAtOnce; k += 8) {
+    const __m256i eight = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(numbers + k));
+    const auto bits8 = static_cast<unsigned>(_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(eight, _mm256_set1_epi32(x)))));
+    equal |= static_cast<unsigned long>(bits8) << k;
+  }
+#else
+  for (int k = 0; k < kFeetAtOnce; ++k) equal |= static_cast<unsigned long>(numbers[k] == x) << k;
+#endif
+  return equal;
+}
+
 struct FeetTask {
   const PatchTables* patches;
   double safeInside_m, safeOutside_m;
@@ -224,12 +243,12 @@ int solveFeet(const PatchTables* patches, double safeInside_m, double safeOutsid
   while (pool.pending != 0) {
     int lane[kLanes];
     int used = 0;
-    const int span = pool.span[__builtin_ctzl(pool.pending)];
-    for (unsigned long rest = pool.pending; rest != 0 && used < kLanes; rest &= rest - 1) {
-      const int k = __builtin_ctzl(rest);
-      if (pool.span[k] == span) lane[used++] = k;
+    unsigned long same = pool.pending & findEqual(pool.span, pool.span[__builtin_ctzl(pool.pending)]);
+    for (; same != 0 && used < kLanes; same &= same - 1) {
+      const int k = __builtin_ctzl(same);
+      lane[used++] = k;
+      pool.pending &= ~(1ul << k);
     }
-    for (int l = 0; l < used; ++l) pool.pending &= ~(1ul << lane[l]);
     if (kLanes < 4 || used < kFewestLanes) {
       stepOneByOne(task, pool, lane, used);
       continue;

@@ -12,6 +12,6 @@
 namespace genu::contact::detail::GENU_ISA {
 
 const Kernels kKernels = {GENU_TEXT(GENU_ISA), solveFoot, solveFeet, solveRay,
-                          {setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak, calcRimArea, listLawPoints}};
+                          {listDue, setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak, calcRimArea, listLawPoints}};
 
 }  // namespace genu::contact::detail::GENU_ISA
