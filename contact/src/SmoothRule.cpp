@@ -306,7 +306,10 @@ class SmoothEvaluation {
   }
 
  private:
-  Vec3 locate(int node) const { return R_MF_ * c_.p_FA[static_cast<size_t>(node)] - offset_M_; }
+  Vec3 locate(int node) const { return R_MF_ * Eigen::Map<const Vec3>(grid_.place + kPlaceStride * node) - offset_M_; }
+  static void prefetch(const void* from, size_t bytes) {
+    for (size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<const char*>(from) + i);
+  }
   bool isGradient() const { return impl_.definition.correction == Correction::energy; }
   bool integratesStiffness() const { return task_.withStiffness && !isGradient(); }
   bool isSearch() const {
@@ -337,6 +340,11 @@ class SmoothEvaluation {
     const int* nodes = memory_.nodes.data() + from;
     double* Q = memory_.query.data() + 3 * from;
     const int count = static_cast<int>(to - from);
+    for (int i = 0; i < count; ++i) {  // what the phases below read
+      const auto k = static_cast<size_t>(nodes[i]);
+      prefetch(&memory_.feet[k], sizeof(TrackedFoot));
+      prefetch(grid_.place + kPlaceStride * k, sizeof(double) * kPlaceStride);
+    }
     for (int i = 0; i < count; ++i) {
       const Vec3 p_MA = locate(nodes[i]);
       std::copy(p_MA.data(), p_MA.data() + 3, Q + 3 * i);

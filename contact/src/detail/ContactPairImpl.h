@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <variant>
 #include <vector>
 
@@ -19,8 +20,19 @@ namespace genu::contact {
 
 namespace detail {
 
-/** Numbers that the kernels read eight at a time. */
-using Numbers = std::vector<double>;
+/** Numbers that the kernels read eight at a time: lines of 64 bytes, which must not straddle two of the cache. */
+template <class T>
+struct LineAllocator {
+  using value_type = T;
+  LineAllocator() = default;
+  template <class U>
+  explicit LineAllocator(const LineAllocator<U>&) {}
+  T* allocate(size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), std::align_val_t{64})); }
+  void deallocate(T* p, size_t) { ::operator delete(p, std::align_val_t{64}); }
+  friend bool operator==(const LineAllocator&, const LineAllocator&) { return true; }
+  friend bool operator!=(const LineAllocator&, const LineAllocator&) { return false; }
+};
+using Numbers = std::vector<double, LineAllocator<double>>;
 
 /** How the moving body's layer is found for one foot. */
 enum class MovingLayer { none, constant, plane, map };
