@@ -123,6 +123,23 @@ bool calcThicknessSlopeOfRay(const PairData& impl, const Compartment& c, const T
 constexpr int kNodesPerBlock = 64, kCellsPerBlock = 32;
 constexpr double kAlways = 1e300;  // a way that is never gone
 
+/** How far the polynomial through vectors at an element's nodes goes from the one at its centre, within the cell. */
+template <class At>
+double calcReach(const std::array<int, 9>& stencil, int mask, const At& at) {
+  double coefficients[3][kMonomials];
+  for (int axis = 0; axis < 3; ++axis) {
+    double values[kStencil];
+    for (size_t k = 0; k < kStencil; ++k) values[k] = stencil[k] < 0 ? 0 : at(static_cast<size_t>(stencil[k]))[axis];
+    calcCoefficients(values, mask, coefficients[axis]);
+  }
+  double reach = 0;
+  for (int m = 1; m < kMonomials; ++m) {
+    const double x = coefficients[0][m], y = coefficients[1][m], z = coefficients[2][m];
+    reach += (m < 3 ? 0.5 : 0.25) * std::sqrt(x * x + y * y + z * z);
+  }
+  return reach;
+}
+
 /** How far apart two poses bring any point of a box: its farthest corner (the distance of an affine map is convex). */
 double calcLargestMotion(const std::array<Vec3, 8>& corner_F, const Pose& a, const Pose& b) {
   const Mat3 R = a.R.transpose() - b.R.transpose();
@@ -460,18 +477,23 @@ class SmoothEvaluation {
     memory_.mark_m[element] = bound <= 0 ? way_m : -way_m;
   }
 
-  /** True when an element's last test tells that it cannot be in contact. A shift of all nodes by the same amount along the normal
-   shifts the polynomial by just that. */
+  /** True when an element's last test tells that it cannot be in contact.
+   Since then its node k has moved by t + D (A_k - A), t the way of its centre A and D = R_MF - (R_MF then). To first order its s
+   changes by -n_k.t - n_k.D (A_k - A). The polynomial through the n_k stays within `spread` of n in the cell, the one through the
+   A_k - A within `cellReach`: its change is at most -n.t + spread |t| + |D^T n| cellReach. What the first order leaves out, with the
+   largest curvature K around, is at most K/2 |way|^2 and, of n_k - n in the last term, K |D| stencilReach^2 at every node. */
   bool isClear(int e) {
     const auto i = static_cast<size_t>(e);
     const ElementLook& look = memory_.look[i];
     const Vec3 shift = locate(e) - Eigen::Map<const Vec3>(look.p_MA);
-    const double lever_m = (memory_.turn - look.turn) * c_.stencilReach_m;
+    const double shift_m = shift.norm(), turn = memory_.turn - look.turn, way_m = shift_m + turn * c_.stencilReach_m;
+    if (!(way_m < look.reach_m)) return false;
+    const Eigen::Map<const Vec3> n_M(look.normal_M);
+    const double tilt = (task_.X_FM.R * n_M - Eigen::Map<const Vec3>(look.normal_F)).norm();
+    // The Hessian of the distance, at a distance d from a surface of radius R, is at most 1/(R - d).
+    const double rest_m = (0.5 * way_m * way_m + turn * c_.stencilReach_m * c_.stencilReach_m) / (look.radius_m - c_.stencilReach_m - way_m);
     const int mask = c_.neighbors[i];
-    const double shift_m = shift.norm();
-    if (!(c_.stencilReach_m + shift_m + lever_m < look.reach_m)) return false;
-    const double error_m = c_.predictor->calcError(look.spread, shift_m, lever_m);
-    const double bound = look.bound_m - shift.dot(Eigen::Map<const Vec3>(look.normal)) + largestGain(mask) * error_m;
+    const double bound = look.bound_m - shift.dot(n_M) + look.spread * shift_m + tilt * c_.cellReach_m[i] + largestGain(mask) * rest_m;
     if (!(bound < 0)) return false;
     setMark(i, bound, mask);
     return true;
@@ -520,23 +542,20 @@ class SmoothEvaluation {
     const TrackedFoot& foot = memory_.feet[element];
     look.bound_m = bound_m;
     std::copy(foot.Q, foot.Q + 3, look.p_MA);
-    std::copy(foot.normal, foot.normal + 3, look.normal);
+    std::copy(foot.normal, foot.normal + 3, look.normal_M);
+    Eigen::Map<Vec3>(look.normal_F) = task_.X_FM.R * Eigen::Map<const Vec3>(foot.normal);
     look.turn = memory_.turn;
-    look.spread = calcSpread(element);
-    look.reach_m = c_.predictor->calcReach_m(foot);
-  }
-
-  double calcSpread(size_t element) const {
-    const auto& stencil = c_.stencil[element];
-    const double* center = memory_.feet[element].normal;
-    double largest = 0;
-    for (const int k : stencil) {
-      if (k < 0) continue;
-      const double* n = memory_.feet[static_cast<size_t>(k)].normal;
-      const double x = n[0] - center[0], y = n[1] - center[1], z = n[2] - center[2];
-      largest = std::max(largest, x * x + y * y + z * z);
+    look.spread = calcReach(c_.stencil[element], c_.neighbors[element], [&](size_t k) { return Eigen::Map<const Vec3>(memory_.feet[k].normal); });
+    double margin_m = c_.predictor->calcBorderMargin_m(foot) - c_.stencilReach_m;
+    if (margin_m < 3 * c_.stencilReach_m) {  // near a border: from each node
+      margin_m = kAlways;
+      for (const int k : c_.stencil[element]) {
+        if (k >= 0) margin_m = std::min(margin_m, c_.predictor->calcBorderMargin_m(memory_.feet[static_cast<size_t>(k)]));
+      }
     }
-    return std::sqrt(largest);
+    const double distance_m = std::abs(foot.distance_m);
+    look.reach_m = std::min(margin_m, c_.predictor->safe_m() - distance_m - c_.stencilReach_m);
+    look.radius_m = c_.predictor->leastRadius_m() - distance_m;
   }
 
   /** Least signed distance of an element's nodes; -infinity where one is not known. */
@@ -642,6 +661,7 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
   c.stencilReach_m = 0;
   c.neighbors.resize(c.size());
   c.freshNodes.resize(c.size());
+  c.cellReach_m.resize(c.size());
   for (size_t e = 0; e < c.size(); ++e) {
     int mask = 0, corners = 0;
     for (size_t k = 1; k < 9; ++k) {
@@ -650,6 +670,7 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
       k < 5 ? mask |= 1 << (k - 1) : ++corners;
     }
     c.neighbors[e] = static_cast<unsigned char>(corners == 4 ? mask | 16 : mask);
+    c.cellReach_m[e] = calcReach(c.stencil[e], c.neighbors[e], [&](size_t k) -> const Vec3& { return c.p_FA[k]; });
     unsigned fresh = 0;
     for (size_t k = 0; k < 9; ++k) {
       const int node = c.stencil[e][k];

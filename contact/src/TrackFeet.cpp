@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
-#include "detail/DistancePredictor.h"
 #include "detail/Kernels.h"
 #include "detail/PatchKernel.h"
 #include "detail/SurfaceSearch.h"
@@ -73,31 +71,6 @@ void trackFoot(const ContactSurface& surface, const SurfaceAccess::Search& searc
 }
 
 }  // namespace
-
-DistancePredictor::DistancePredictor(const ContactSurface& surface) {
-  // Feet are unique within `safe`, half of the smallest medial-ball radius: no normal curvature exceeds 1/(2 safe), and that
-  // of the parallel surfaces up to there, the Hessian of the distance, 1/safe.
-  safe_m_ = std::min(surface.safeDistanceInside_m(), surface.safeDistanceOutside_m());
-  largestCurvature_perM_ = 1 / safe_m_;
-  const auto& search = SurfaceAccess::search(surface);
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  for (size_t k = 0; k < search.tables.size(); ++k) {
-    const PatchTables& t = search.tables[k];
-    Borders b = {-kInfinity, kInfinity, -kInfinity, kInfinity, false};
-    const auto& links = search.links[k];
-    if (!t.u.closed && links[0].patch < 0) b.u0 = t.u.lo;
-    if (!t.u.closed && links[1].patch < 0) b.u1 = t.u.hi;
-    if (!t.v.closed && links[2].patch < 0) b.v0 = t.v.lo;
-    if (!t.v.closed && links[3].patch < 0) b.v1 = t.v.hi;
-    b.open = b.u0 != -kInfinity || b.u1 != kInfinity || b.v0 != -kInfinity || b.v1 != kInfinity;
-    borders_.push_back(b);
-  }
-}
-
-void DistancePredictor::restrict(int patch, const std::array<double, 4>& uv) {
-  Borders& b = borders_[static_cast<size_t>(patch)];
-  b = {std::max(b.u0, uv[0]), std::min(b.u1, uv[1]), std::max(b.v0, uv[2]), std::min(b.v1, uv[3]), true};
-}
 
 void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, int count, TrackedFoot* feet, FootDerivatives derivatives) {
   const auto& search = SurfaceAccess::search(surface);

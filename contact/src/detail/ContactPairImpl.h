@@ -62,6 +62,7 @@ struct Compartment {
   std::vector<unsigned char> neighbors;  // of each element, as a mask (CellRule.h)
   std::vector<std::uint16_t> freshNodes;  // of each element, as a mask: places in its stencil that the element before has not
   double stencilReach_m = 0;  // largest distance of a stencil's node from its element
+  std::vector<double> cellReach_m;  // of each element: how far the polynomial through its nodes' places goes from its centre
   std::vector<ThicknessNote> note;
   std::array<Vec3, 8> corner_F;  // box around all nodes
   size_t size() const { return static_cast<size_t>(elements); }
