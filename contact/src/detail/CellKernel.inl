@@ -120,24 +120,6 @@ int testCells(const CellGrid& g, const int* candidates, int count, double* bound
   return found;
 }
 
-/** Node weights of int p g from the moments: sum over k of T[k][n] moments[k], n over the cross C, E, W, N, S. */
-inline void spread(const double moments[kSmooth], int mask, double* weight) {
-  if ((mask & 15) == 15) {
-    weight[0] = moments[0] - moments[3] - moments[4];
-    weight[4] = 0.5 * (moments[3] + moments[1]);
-    weight[8] = 0.5 * (moments[3] - moments[1]);
-    weight[12] = 0.5 * (moments[4] + moments[2]);
-    weight[16] = 0.5 * (moments[4] - moments[2]);
-    return;
-  }
-  const StencilWeights& T = stencilWeights(mask);
-  for (int n = 0; n < 5; ++n) {
-    double sum = 0;
-    for (int k = 0; k < kSmooth; ++k) sum += T.T[k][n] * moments[k];
-    weight[4 * n] = sum;
-  }
-}
-
 /** Coefficients of the smooth load density from its nodes, 8 numbers each. */
 inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, V8 G[kSmooth]) {
   if ((mask & 15) == 15) {
@@ -171,24 +153,6 @@ inline void contract(const double moments[kMoments], const V8 G[kSmooth], int co
   }
 }
 
-/** Coefficients of a smooth quantity of the nodes (r = c/h, share) in a cell. */
-inline void gatherSmooth(const double* ofNode, const int* stencil, int mask, double R[kSmooth]) {
-  if ((mask & 15) == 15) {
-    const double c = ofNode[stencil[0]], e = ofNode[stencil[1]], w = ofNode[stencil[2]], n = ofNode[stencil[3]], s = ofNode[stencil[4]];
-    R[0] = c;
-    R[1] = 0.5 * (e - w);
-    R[2] = 0.5 * (n - s);
-    R[3] = 0.5 * (e + w) - c;
-    R[4] = 0.5 * (n + s) - c;
-    return;
-  }
-  double r[kStencil] = {};
-  for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? ofNode[stencil[n]] : 0;
-  double all[kMonomials];
-  calcCoefficients(r, mask & 15, all);
-  for (int k = 0; k < kSmooth; ++k) R[k] = all[k];
-}
-
 template <bool kWithStiffness>
 void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, int count, bool withEnergy, double* out) {
   const bool isLinear = g.linear;
@@ -209,7 +173,7 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
       }
     }
     double R[kSmooth] = {};
-    if (!isLinear || withEnergy) gatherSmooth(g.r, stencil, task.mask, R);
+    if (!isLinear || withEnergy) gatherSmooth([&](int k) { return g.r[k]; }, stencil, task.mask, R);
     if (isLinear) {
       if (withEnergy) calcLawMoments<true, false>(S, R, full, law, m);
       if (full) {
@@ -219,17 +183,17 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
       }
     } else if (g.share != nullptr) {
       double Q[kSmooth];
-      gatherSmooth(g.share, stencil, task.mask, Q);
+      gatherSmooth([&](int k) { return g.share[k]; }, stencil, task.mask, Q);
       calcSharedMoments<kWithStiffness>(S, R, Q, full, law, m);
     } else {
       withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law, m)
                  : calcLawMoments<false, kWithStiffness>(S, R, full, law, m);
     }
     const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
-    spread(m.pressure, task.mask, out);
-    spread(area, task.mask, out + 1);
+    spreadSmooth<4>(m.pressure, task.mask, out);
+    spreadSmooth<4>(area, task.mask, out + 1);
     if (withEnergy) {
-      spread(m.energy, task.mask, out + 2);
+      spreadSmooth<4>(m.energy, task.mask, out + 2);
     } else {
       for (int n = 0; n < 5; ++n) out[4 * n + 2] = 0;
     }

@@ -182,8 +182,8 @@ inline void listLinePoints(const double* S, const double* R, const LawShape& sha
 void listLawPoints(const double* S, const double* R, bool full, const LawShape& shape, LawPoints& points) {
   const LawQuadrature rule = chooseQuadrature(S, R, full, shape);
   if (rule.points == nullptr) return listLinePoints(S, R, shape, rule.mild, points);
-  points.count = PointRule::kMost;
-  for (int i = 0; i < PointRule::kMost; ++i) {
+  points.count = (rule.points->used + kLanes - 1) / kLanes * kLanes;
+  for (int i = 0; i < points.count; ++i) {
     points.w[i] = rule.points->w[i];
     points.xi[i] = rule.points->xi[i];
     points.eta[i] = rule.points->eta[i];
@@ -231,6 +231,12 @@ GENU_INLINE void respond(const LawView& law, V strain, V& p, V& dp, V& energy) {
   energy = loadLanes(answers[2]);
 }
 
+/** S and R at points of all lanes. */
+GENU_INLINE V evaluateLanes(const double S[kMonomials], V xi, V eta) {
+  return S[0] + xi * (S[1] + S[3] * xi + S[5] * eta) + eta * (S[2] + S[4] * eta);
+}
+GENU_INLINE V evaluateSmoothLanes(const double R[kSmooth], V xi, V eta) { return R[0] + xi * (R[1] + R[3] * xi) + eta * (R[2] + R[4] * eta); }
+
 /** int v xi^a eta^b from the points' weighted values v. */
 inline void sumMoments(const LawPoints& points, const double* values, double moments[16]) {
   V sums[16] = {};
@@ -260,8 +266,7 @@ void calcPointMoments(const double S[kMonomials], const double R[kSmooth], const
   double ps[kPoints], energies[kPoints], xs[kPoints], ys[kPoints];
   for (int i = 0; i < rule.used; i += kLanes) {
     const V xi = loadLanes(rule.xi + i), eta = loadLanes(rule.eta + i);
-    const V s = S[0] + xi * (S[1] + S[3] * xi + S[5] * eta) + eta * (S[2] + S[4] * eta);
-    const V r = R[0] + xi * (R[1] + R[3] * xi) + eta * (R[2] + R[4] * eta);
+    const V s = evaluateLanes(S, xi, eta), r = evaluateSmoothLanes(R, xi, eta);
     V p, dp = {}, energy = {};
     respond<kWithEnergy, kWithSlope>(law, s * r, p, dp, energy);
     storeLanes(p, ps + i);
@@ -303,8 +308,7 @@ void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool fu
   V pressure[8] = {}, energies[8] = {};
   for (int i = 0; i < points.count; i += kLanes) {
     const V w = loadLanes(points.w + i), xi = loadLanes(points.xi + i), eta = loadLanes(points.eta + i);
-    const V s = S[0] + xi * (S[1] + S[3] * xi + S[5] * eta) + eta * (S[2] + S[4] * eta);
-    const V r = R[0] + xi * (R[1] + R[3] * xi) + eta * (R[2] + R[4] * eta);
+    const V s = evaluateLanes(S, xi, eta), r = evaluateSmoothLanes(R, xi, eta);
     V p, dp = {}, energy = {};
     respond<kWithEnergy, kWithSlope>(law, s * r, p, dp, energy);
     p *= w;
@@ -332,6 +336,49 @@ void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool fu
     sumMoments(points, x, m.slopeR);
     sumMoments(points, y, m.slopeS);
   }
+}
+
+void readLaw(const double* S, const double* R, const double* share, const LawView& law, const LawPoints& points, LawReading& reading) {
+  for (int i = 0; i < points.count; i += kLanes) {
+    const V xi = loadLanes(points.xi + i), eta = loadLanes(points.eta + i);
+    const V s = evaluateLanes(S, xi, eta), r = evaluateSmoothLanes(R, xi, eta);
+    storeLanes(s, reading.s + i);
+    storeLanes(r, reading.r + i);
+    if (share == nullptr) {
+      V p, dp, energy;
+      respond<true, true>(law, s * r, p, dp, energy);
+      storeLanes(p, reading.p + i);
+      storeLanes(dp, reading.dp + i);
+      storeLanes(energy, reading.energy + i);
+      continue;
+    }
+    const V shares = evaluateSmoothLanes(share, xi, eta), strain = s * r;
+    for (int l = 0; l < kLanes; ++l) {
+      double answer[4];
+      law.respond(law.self, strain[l], shares[l], answer);
+      reading.p[i + l] = answer[0];
+      reading.dp[i + l] = answer[1];
+      reading.energy[i + l] = answer[2];
+    }
+  }
+}
+
+void calcEnergyMoments(const double* G, const LawPoints& points, const LawReading& reading, double* byS, double* byR, double* byG) {
+  V ofS[8] = {}, ofR[8] = {}, ofG[8] = {};
+  for (int i = 0; i < points.count; i += kLanes) {
+    const V w = loadLanes(points.w + i), xi = loadLanes(points.xi + i), eta = loadLanes(points.eta + i);
+    const V load = w * loadLanes(reading.p + i) * evaluateSmoothLanes(G, xi, eta), energy = w * loadLanes(reading.energy + i);
+    const V monomial[kMonomials] = {all(1), xi, eta, xi * xi, eta * eta, xi * eta};
+    const V r = load * loadLanes(reading.r + i), s = load * loadLanes(reading.s + i);
+    for (int m = 0; m < kMonomials; ++m) ofS[m] += r * monomial[m];
+    for (int m = 0; m < kSmooth; ++m) {
+      ofR[m] += s * monomial[m];
+      ofG[m] += energy * monomial[m];
+    }
+  }
+  store8(sumLanes(ofS), byS);
+  store8(sumLanes(ofR), byR);
+  store8(sumLanes(ofG), byG);
 }
 
 /** Moments of layers in series, whose law depends on the place through the share Q of the fixed layer. */

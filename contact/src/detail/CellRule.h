@@ -69,6 +69,44 @@ inline void calcCoefficients(const double* s, int mask, double S[kMonomials]) {
   }
 }
 
+/** Coefficients of a smooth quantity of the nodes, as of r = c/h, in a cell. */
+template <class OfNode>
+inline void gatherSmooth(const OfNode& ofNode, const int* stencil, int mask, double R[kSmooth]) {
+  if ((mask & 15) == 15) {
+    const double c = ofNode(stencil[0]), e = ofNode(stencil[1]), w = ofNode(stencil[2]), n = ofNode(stencil[3]), s = ofNode(stencil[4]);
+    R[0] = c;
+    R[1] = 0.5 * (e - w);
+    R[2] = 0.5 * (n - s);
+    R[3] = 0.5 * (e + w) - c;
+    R[4] = 0.5 * (n + s) - c;
+    return;
+  }
+  double r[kStencil] = {};
+  for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? ofNode(stencil[n]) : 0;
+  double all[kMonomials];
+  calcCoefficients(r, mask & 15, all);
+  for (int k = 0; k < kSmooth; ++k) R[k] = all[k];
+}
+
+/** Node weights of int p g from the moments: sum over k of T[k][n] moments[k], n over the cross C, E, W, N, S. */
+template <int kStride>
+inline void spreadSmooth(const double moments[kSmooth], int mask, double* weight) {
+  if ((mask & 15) == 15) {
+    weight[0] = moments[0] - moments[3] - moments[4];
+    weight[kStride] = 0.5 * (moments[3] + moments[1]);
+    weight[2 * kStride] = 0.5 * (moments[3] - moments[1]);
+    weight[3 * kStride] = 0.5 * (moments[4] + moments[2]);
+    weight[4 * kStride] = 0.5 * (moments[4] - moments[2]);
+    return;
+  }
+  const StencilWeights& T = stencilWeights(mask);
+  for (int n = 0; n < 5; ++n) {
+    double sum = 0;
+    for (int k = 0; k < kSmooth; ++k) sum += T.T[k][n] * moments[k];
+    weight[kStride * n] = sum;
+  }
+}
+
 inline double evaluateAt(const double* S, double xi, double eta) {
   return S[0] + xi * (S[1] + S[3] * xi + S[5] * eta) + eta * (S[2] + S[4] * eta);
 }

@@ -12,6 +12,6 @@
 namespace genu::contact::detail::GENU_ISA {
 
 const Kernels kKernels = {GENU_TEXT(GENU_ISA), solveFoot, solveFeet, solveRay,
-                          {listDue, setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak, calcRimArea, listLawPoints}};
+                          {listDue, setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak, calcRimArea, listLawPoints, readLaw, calcEnergyMoments}};
 
 }  // namespace genu::contact::detail::GENU_ISA
