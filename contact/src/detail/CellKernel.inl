@@ -78,8 +78,8 @@ void setNodes(const CellGrid& g, const int* nodes, int count) {
       store(directions[l], field);
       store(rest[l], field + 8);
       store(loads[l], g.load + kLoadStride * k);
-      g.r[k] = rest[l][4];
-      if (g.share != nullptr) g.share[k] = rest[l][5];
+      g.r[k] = get(rest[l], 4);
+      if (g.share != nullptr) g.share[k] = get(rest[l], 5);
     }
   }
 }
@@ -121,11 +121,11 @@ int testCells(const CellGrid& g, const int* candidates, int count, double* bound
 }
 
 /** Coefficients of the smooth load density from its nodes, 8 numbers each. */
-inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, V8 G[kSmooth]) {
+inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, Line G[kSmooth]) {
   if ((mask & 15) == 15) {
-    const V8 c = load8(g.load + kLoadStride * stencil[0]), e = load8(g.load + kLoadStride * stencil[1]),
-             w = load8(g.load + kLoadStride * stencil[2]), n = load8(g.load + kLoadStride * stencil[3]),
-             s = load8(g.load + kLoadStride * stencil[4]);
+    const Line c = loadLine(g.load + kLoadStride * stencil[0]), e = loadLine(g.load + kLoadStride * stencil[1]),
+             w = loadLine(g.load + kLoadStride * stencil[2]), n = loadLine(g.load + kLoadStride * stencil[3]),
+             s = loadLine(g.load + kLoadStride * stencil[4]);
     G[0] = c;
     G[1] = 0.5 * (e - w);
     G[2] = 0.5 * (n - s);
@@ -135,21 +135,21 @@ inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, V8 G[kSm
   }
   const StencilWeights& T = stencilWeights(mask);
   for (int k = 0; k < kSmooth; ++k) {
-    V8 sum = {};
+    Line sum = {};
     for (int n = 0; n < 5; ++n) {
-      if (T.T[k][n] != 0) sum += T.T[k][n] * load8(g.load + kLoadStride * stencil[n]);
+      if (T.T[k][n] != 0) sum += T.T[k][n] * loadLine(g.load + kLoadStride * stencil[n]);
     }
     G[k] = sum;
   }
 }
 
-inline void contract(const double moments[kMoments], const V8 G[kSmooth], int count, double* out) {
+inline void contract(const double moments[kMoments], const Line G[kSmooth], int count, double* out) {
   for (int c = 0; c < count; ++c) {
-    V8 sum = {};
+    Line sum = {};
     for (int k = 0; k < kSmooth; ++k) {
       sum += moments[momentIndex(kPowers[k][0] + kPowers[c][0], kPowers[k][1] + kPowers[c][1])] * G[k];
     }
-    store8(sum, out + 8 * c);
+    store(sum, out + 8 * c);
   }
 }
 
@@ -200,7 +200,7 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
     for (int n = 1; n < 5; ++n) out[4 * n + 3] = 0;
     out[3] = m.area[0];
     if (kWithStiffness) {
-      V8 G[kSmooth];
+      Line G[kSmooth];
       gatherLoad(g, stencil, task.mask, G);
       contract(isLinear ? m.area : m.slopeR, G, kMonomials, out + kBySOffset);
       if (!isLinear) contract(m.slopeS, G, kSmooth, out + kByROffset);
@@ -212,6 +212,8 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
 void integrate(const CellGrid& g, const LawView& law, const CellTask* tasks, int count, bool withEnergy, bool withStiffness, double* out) {
   withStiffness ? integrateAs<true>(g, law, tasks, count, withEnergy, out) : integrateAs<false>(g, law, tasks, count, withEnergy, out);
 }
+
+inline void addLine(const Line& line, double* to) { store(loadLine(to) + line, to); }
 
 void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiffness, const double* out) {
   const int stride = withStiffness ? kCellStride : kCellWeights;
@@ -230,9 +232,9 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
       word |= bit;
       for (int j = 0; j < kWeightStride; ++j) g.weight[kWeightStride * k + j] = 0;
       if (withStiffness) {
-        store8(V8{}, g.adjoint + kAdjointStride * k);
-        store8(V8{}, g.adjoint + kAdjointStride * k + 8);
-        if (g.byShare != nullptr) store8(V8{}, g.byShare + 8 * k);
+        store(Line{}, g.adjoint + kAdjointStride * k);
+        store(Line{}, g.adjoint + kAdjointStride * k + 8);
+        if (g.byShare != nullptr) store(Line{}, g.byShare + 8 * k);
       }
     }
     for (int n = 0; n < 5; ++n) {
@@ -251,30 +253,30 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
       const StencilWeights& T = stencilWeights(task.mask);
       for (int n = 0; n < 5; ++n) {
         for (int c = 0; c < kSmooth; ++c) {
-          if (T.T[c][n] != 0) add8(T.T[c][n] * load8(out + kByShareOffset + 8 * c), g.byShare + 8 * stencil[n]);
+          if (T.T[c][n] != 0) addLine(T.T[c][n] * loadLine(out + kByShareOffset + 8 * c), g.byShare + 8 * stencil[n]);
         }
       }
     }
     if (task.mask == kAllNeighbors) {
-      const V8 s1 = 0.5 * load8(byS + 8), s2 = 0.5 * load8(byS + 16), s3 = load8(byS + 24), s4 = load8(byS + 32),
-               s5 = 0.25 * load8(byS + 40);
+      const Line s1 = 0.5 * loadLine(byS + 8), s2 = 0.5 * loadLine(byS + 16), s3 = loadLine(byS + 24), s4 = loadLine(byS + 32),
+               s5 = 0.25 * loadLine(byS + 40);
       const auto to = [&](int n) { return g.adjoint + kAdjointStride * stencil[n]; };
-      add8(load8(byS) - s3 - s4, to(0));
-      add8(0.5 * s3 + s1, to(1));
-      add8(0.5 * s3 - s1, to(2));
-      add8(0.5 * s4 + s2, to(3));
-      add8(0.5 * s4 - s2, to(4));
-      add8(s5, to(5));
-      add8(-s5, to(6));
-      add8(-s5, to(7));
-      add8(s5, to(8));
+      addLine(loadLine(byS) - s3 - s4, to(0));
+      addLine(0.5 * s3 + s1, to(1));
+      addLine(0.5 * s3 - s1, to(2));
+      addLine(0.5 * s4 + s2, to(3));
+      addLine(0.5 * s4 - s2, to(4));
+      addLine(s5, to(5));
+      addLine(-s5, to(6));
+      addLine(-s5, to(7));
+      addLine(s5, to(8));
       if (!g.linear) {
-        const V8 r1 = 0.5 * load8(byR + 8), r2 = 0.5 * load8(byR + 16), r3 = load8(byR + 24), r4 = load8(byR + 32);
-        add8(load8(byR) - r3 - r4, to(0) + 8);
-        add8(0.5 * r3 + r1, to(1) + 8);
-        add8(0.5 * r3 - r1, to(2) + 8);
-        add8(0.5 * r4 + r2, to(3) + 8);
-        add8(0.5 * r4 - r2, to(4) + 8);
+        const Line r1 = 0.5 * loadLine(byR + 8), r2 = 0.5 * loadLine(byR + 16), r3 = loadLine(byR + 24), r4 = loadLine(byR + 32);
+        addLine(loadLine(byR) - r3 - r4, to(0) + 8);
+        addLine(0.5 * r3 + r1, to(1) + 8);
+        addLine(0.5 * r3 - r1, to(2) + 8);
+        addLine(0.5 * r4 + r2, to(3) + 8);
+        addLine(0.5 * r4 - r2, to(4) + 8);
       }
       continue;
     }
@@ -283,8 +285,8 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
       for (int c = 0; c < kMonomials; ++c) {
         if (T.T[c][n] == 0) continue;
         double* to = g.adjoint + kAdjointStride * stencil[n];
-        add8(T.T[c][n] * load8(byS + 8 * c), to);
-        if (!g.linear && c < kSmooth) add8(T.T[c][n] * load8(byR + 8 * c), to + 8);
+        addLine(T.T[c][n] * loadLine(byS + 8 * c), to);
+        if (!g.linear && c < kSmooth) addLine(T.T[c][n] * loadLine(byR + 8 * c), to + 8);
       }
     }
   }
@@ -300,14 +302,14 @@ inline void forEachTouched(const CellGrid& g, int numWords, Visit visit) {
 }
 
 void sum(const CellGrid& g, int numWords, bool withEnergy, NetSums& total) {
-  V8 first = {};
+  Line first = {};
   double second[4] = {};
   double energy = 0;
   forEachTouched(g, numWords, [&](int k) {
     const double* w = g.weight + kWeightStride * k;
     const double* L = g.load + kLoadStride * k;
     if (w[0] == 0 && w[1] == 0) return;  // an unusable node may hold anything
-    first += w[0] * load8(L);
+    first += w[0] * loadLine(L);
     const double* place = g.place + kPlaceStride * k;
     const double scalar = w[0] * L[6];
     for (int j = 0; j < 3; ++j) second[j] += scalar * place[j];
@@ -315,11 +317,11 @@ void sum(const CellGrid& g, int numWords, bool withEnergy, NetSums& total) {
     if (withEnergy) energy += w[2] * place[3] * g.field[k].h_m;
   });
   for (int j = 0; j < 3; ++j) {
-    total.force[j] = first[j];
-    total.moment[j] = first[3 + j];
+    total.force[j] = get(first, j);
+    total.moment[j] = get(first, 3 + j);
     total.weighted[j] = second[j];
   }
-  total.scalar = first[6];
+  total.scalar = get(first, 6);
   total.area = second[3];
   total.energy = energy;
 }
@@ -332,7 +334,7 @@ inline void rotate(const double R[9], const double a[3], double b[3]) {
  distance. By ray, the hit C = A - s n takes the place of A: ds = -u.(v + w x C)/cos(theta), du = w x u + H (v + w x C), H the change of
  the normal at C with the ray's place. Rows of six columns: v, w. */
 void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope, const void* self, StiffnessSums& total) {
-  V8 K[6] = {}, D[6] = {};
+  Line K[6] = {}, D[6] = {};
   const bool damped = g.damping_sPerM > 0, byRay = g.hits != nullptr;
   forEachTouched(g, numWords, [&](int k) {
     if (!g.usable[k]) return;
@@ -353,7 +355,7 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
       surfaceJ = hit.duvdA;
       bends = true;
     }
-    const V8 ds = perS * V8{-u[0], -u[1], -u[2], P[2] * u[1] - P[1] * u[2], P[0] * u[2] - P[2] * u[0], P[1] * u[0] - P[0] * u[1], 0, 0};
+    const Line ds = perS * makeLine(-u[0], -u[1], -u[2], P[2] * u[1] - P[1] * u[2], P[0] * u[2] - P[2] * u[0], P[1] * u[0] - P[0] * u[1], 0, 0);
     double W[3][3] = {};
     if (bends) {
       double nu[3], nv[3], ju[3], jv[3];
@@ -367,31 +369,31 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
     }
     const auto row = [&](int i, double x, double y, double z) {
       const double* w = W[i];
-      return V8{w[0], w[1], w[2], x + P[1] * w[2] - P[2] * w[1], y + P[2] * w[0] - P[0] * w[2], z + P[0] * w[1] - P[1] * w[0], 0, 0};
+      return makeLine(w[0], w[1], w[2], x + P[1] * w[2] - P[2] * w[1], y + P[2] * w[0] - P[0] * w[2], z + P[0] * w[1] - P[1] * w[0], 0, 0);
     };
-    V8 dm[3] = {row(0, 0, u[2], -u[1]), row(1, -u[2], 0, u[0]), row(2, u[1], -u[0], 0)};  // du first
-    V8 dr = {};
+    Line dm[3] = {row(0, 0, u[2], -u[1]), row(1, -u[2], 0, u[0]), row(2, u[1], -u[0], 0)};  // du first
+    Line dr = {};
     if (f.length > 0) {
-      const V8 along = m[0] * dm[0] + m[1] * dm[1] + m[2] * dm[2];
+      const Line along = m[0] * dm[0] + m[1] * dm[1] + m[2] * dm[2];
       const double inverse = 1 / f.length;
       for (int i = 0; i < 3; ++i) dm[i] = (dm[i] - m[i] * along) * inverse;
       // c = 2/length, by ray 2 cos(theta)/length = length - 2/length
       dr = along * ((byRay ? 1 + 2 * inverse * inverse : -2 * inverse * inverse) / f.h_m);
     } else if (byRay && !g.corrected) {
-      for (int i = 0; i < 3; ++i) dm[i] = V8{};  // along n, which stays
+      for (int i = 0; i < 3; ++i) dm[i] = Line{};  // along n, which stays
     }
     double slope[3];
     if (thicknessSlope != nullptr && thicknessSlope(self, k, slope)) {
-      const V8 wrench = {slope[0], slope[1], slope[2], P[1] * slope[2] - P[2] * slope[1], P[2] * slope[0] - P[0] * slope[2],
-                         P[0] * slope[1] - P[1] * slope[0], 0, 0};
+      const Line wrench = makeLine(slope[0], slope[1], slope[2], P[1] * slope[2] - P[2] * slope[1], P[2] * slope[0] - P[0] * slope[2],
+                         P[0] * slope[1] - P[1] * slope[0], 0, 0);
       dr += wrench * (g.r[k] / f.h_m);
       if (g.share != nullptr) {  // dh = -wrench, share = hF/h
-        const V8 dShare = wrench * (g.share[k] / f.h_m);
+        const Line dShare = wrench * (g.share[k] / f.h_m);
         for (int i = 0; i < 6; ++i) K[i] += g.byShare[8 * k + i] * dShare;
       }
     }
     const double scale = g.weight[kWeightStride * k] * A[3] * (g.linear ? g.K_Pa : 1);
-    V8 df[3];
+    Line df[3];
     const double value = g.linear ? g.r[k] : 1;
     for (int i = 0; i < 3; ++i) {
       df[i] = (scale * f.factor * value) * dm[i];
@@ -400,10 +402,10 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
     if (damped && f.factor > 0) {
       const double at[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
                             g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};  // velocity of M's point at A
-      const V8 dFactor = -g.damping_sPerM * (at[0] * dm[0] + at[1] * dm[1] + at[2] * dm[2]);
+      const Line dFactor = -g.damping_sPerM * (at[0] * dm[0] + at[1] * dm[1] + at[2] * dm[2]);
       for (int i = 0; i < 3; ++i) df[i] += (scale * value * m[i]) * dFactor;
-      const V8 wrench = {m[0], m[1], m[2], A[1] * m[2] - A[2] * m[1], A[2] * m[0] - A[0] * m[2], A[0] * m[1] - A[1] * m[0], 0, 0};
-      for (int i = 0; i < 6; ++i) D[i] += (-g.damping_sPerM * scale * value * wrench[i]) * wrench;
+      const Line wrench = makeLine(m[0], m[1], m[2], A[1] * m[2] - A[2] * m[1], A[2] * m[0] - A[0] * m[2], A[0] * m[1] - A[1] * m[0], 0, 0);
+      for (int i = 0; i < 6; ++i) D[i] += (-g.damping_sPerM * scale * value * get(wrench, i)) * wrench;
     }
     for (int i = 0; i < 6; ++i) {
       K[i] += adjoint[i] * ds;
@@ -415,8 +417,8 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
     K[5] += A[0] * df[1] - A[1] * df[0];
   });
   for (int i = 0; i < 6; ++i) {
-    store8(K[i], total.byMotion + 8 * i);
-    store8(D[i], total.byRate + 8 * i);
+    store(K[i], total.byMotion + 8 * i);
+    store(D[i], total.byRate + 8 * i);
   }
 }
 

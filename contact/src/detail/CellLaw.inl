@@ -11,16 +11,6 @@ namespace genu::contact::detail::GENU_ISA {
 
 namespace {
 
-typedef double V8 __attribute__((vector_size(64)));
-
-inline V8 load8(const double* p) {
-  V8 v;
-  __builtin_memcpy(&v, p, sizeof v);
-  return v;
-}
-inline void store8(V8 v, double* p) { __builtin_memcpy(p, &v, sizeof v); }
-inline void add8(V8 v, double* p) { store8(load8(p) + v, p); }
-
 // ---- lines ------------------------------------------------------------------------------------------------------
 
 /** Where lines of one cell meet the rim: s > 0 between lo and hi where s bends down along them, outside where it bends up. */
@@ -49,7 +39,7 @@ inline void padLines(Lines& lines) {
 }
 
 /** Sums over the lanes of eight vectors. */
-GENU_INLINE V8 sumLanes(const V (&x)[8]) {
+GENU_INLINE Line sumLanes(const V (&x)[8]) {
   Line turned[kLanes];
   turn(x, turned);
   Line total = turned[0];
@@ -81,8 +71,8 @@ void calcRimArea(const double* S, double* area) {
   const V low[8] = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]};
   const V high[8] = {sums[8], sums[9], sums[10], sums[11], sums[12], sums[13], sums[14], V{}};
   double local[16];
-  store8(sumLanes(low), local);
-  store8(sumLanes(high), local + 8);
+  store(sumLanes(low), local);
+  store(sumLanes(high), local + 8);
   for (int piece = 0; piece < lines.numWhole; ++piece) {
     const double from = lines.from[piece], to = lines.to[piece];
     double powerFrom = from, powerTo = to;
@@ -255,8 +245,8 @@ inline void sumMoments(const LawPoints& points, const double* values, double mom
   }
   const V low[8] = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]};
   const V high[8] = {sums[8], sums[9], sums[10], sums[11], sums[12], sums[13], sums[14], V{}};
-  store8(sumLanes(low), moments);
-  store8(sumLanes(high), moments + 8);
+  store(sumLanes(low), moments);
+  store(sumLanes(high), moments + 8);
 }
 
 /** Moments of a law at the points of a rule for whole cells. */
@@ -276,24 +266,24 @@ void calcPointMoments(const double S[kMonomials], const double R[kSmooth], const
       storeLanes(dp * s, ys + i);
     }
   }
-  V8 pressure = {}, energy = {}, slopeR[2] = {}, slopeS[2] = {};
+  Line pressure = {}, energy = {}, slopeR[2] = {}, slopeS[2] = {};
   for (int i = 0; i < rule.used; ++i) {
-    const V8 smooth = load8(rule.smooth[i]);
+    const Line smooth = loadLine(rule.smooth[i]);
     pressure += ps[i] * smooth;
     if (kWithEnergy) energy += energies[i] * smooth;
     if (kWithSlope) {
-      const V8 low = load8(rule.moments[i]), high = load8(rule.moments[i] + 8);
+      const Line low = loadLine(rule.moments[i]), high = loadLine(rule.moments[i] + 8);
       slopeR[0] += xs[i] * low;
       slopeR[1] += xs[i] * high;
       slopeS[0] += ys[i] * low;
       slopeS[1] += ys[i] * high;
     }
   }
-  store8(pressure, m.pressure);
-  if (kWithEnergy) store8(energy, m.energy);
+  store(pressure, m.pressure);
+  if (kWithEnergy) store(energy, m.energy);
   for (int k = 0; kWithSlope && k < 2; ++k) {
-    store8(slopeR[k], m.slopeR + 8 * k);
-    store8(slopeS[k], m.slopeS + 8 * k);
+    store(slopeR[k], m.slopeR + 8 * k);
+    store(slopeS[k], m.slopeS + 8 * k);
   }
 }
 
@@ -330,8 +320,8 @@ void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool fu
       storeLanes(w * dp * s, y + i);
     }
   }
-  store8(sumLanes(pressure), m.pressure);
-  if (kWithEnergy) store8(sumLanes(energies), m.energy);
+  store(sumLanes(pressure), m.pressure);
+  if (kWithEnergy) store(sumLanes(energies), m.energy);
   if (kWithSlope) {
     sumMoments(points, x, m.slopeR);
     sumMoments(points, y, m.slopeS);
@@ -376,9 +366,9 @@ void calcEnergyMoments(const double* G, const LawPoints& points, const LawReadin
       ofG[m] += energy * monomial[m];
     }
   }
-  store8(sumLanes(ofS), byS);
-  store8(sumLanes(ofR), byR);
-  store8(sumLanes(ofG), byG);
+  store(sumLanes(ofS), byS);
+  store(sumLanes(ofR), byR);
+  store(sumLanes(ofG), byG);
 }
 
 /** Moments of layers in series, whose law depends on the place through the share Q of the fixed layer. */

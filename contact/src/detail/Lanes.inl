@@ -27,7 +27,44 @@ constexpr int kLanes = 2;
 
 typedef double V __attribute__((vector_size(8 * kLanes)));
 typedef long Mask __attribute__((vector_size(8 * kLanes)));  // a comparison: -1 where it holds
-typedef double Line __attribute__((vector_size(64)));
+// Eight numbers in as many vectors as they need: a single one of 64 bytes would live in memory where there are no such registers.
+#if defined(__AVX512F__)
+typedef V Line;
+inline double get(Line line, int k) { return line[k]; }
+GENU_INLINE Line makeLine(double a, double b, double c, double d, double e, double f, double g, double h) {
+  return Line{a, b, c, d, e, f, g, h};
+}
+#else
+constexpr int kParts = 8 / kLanes;
+struct Line {
+  V part[kParts];
+};
+inline double get(const Line& line, int k) { return line.part[k / kLanes][k % kLanes]; }
+#define GENU_LINE_OPERATOR(op)                                                \
+  GENU_INLINE Line operator op(const Line& a, const Line& b) {                \
+    Line c;                                                                   \
+    for (int k = 0; k < kParts; ++k) c.part[k] = a.part[k] op b.part[k];      \
+    return c;                                                                 \
+  }
+GENU_LINE_OPERATOR(+)
+GENU_LINE_OPERATOR(-)
+#undef GENU_LINE_OPERATOR
+GENU_INLINE Line operator*(const Line& a, double b) {
+  Line c;
+  for (int k = 0; k < kParts; ++k) c.part[k] = a.part[k] * b;
+  return c;
+}
+GENU_INLINE Line operator*(double b, const Line& a) { return a * b; }
+GENU_INLINE Line operator-(const Line& a) { return a * -1.0; }
+GENU_INLINE Line& operator+=(Line& a, const Line& b) { return a = a + b; }
+GENU_INLINE Line makeLine(double a, double b, double c, double d, double e, double f, double g, double h) {
+#ifdef __AVX__
+  return Line{{V{a, b, c, d}, V{e, f, g, h}}};
+#else
+  return Line{{V{a, b}, V{c, d}, V{e, f}, V{g, h}}};
+#endif
+}
+#endif
 
 inline V all(double x) { return V{} + x; }
 inline V loadLanes(const double* p) {
@@ -61,12 +98,19 @@ inline V3 operator*(const V3& a, V t) { return {a.x * t, a.y * t, a.z * t}; }
 inline V dot(const V3& a, const V3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline V3 cross(const V3& a, const V3& b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 
+#if defined(__AVX512F__)
+inline Line loadLine(const double* p) { return loadLanes(p); }
+inline void store(const Line& line, double* to) { storeLanes(line, to); }
+#else
 inline Line loadLine(const double* p) {
   Line line;
-  __builtin_memcpy(&line, p, sizeof line);
+  for (int k = 0; k < kParts; ++k) line.part[k] = loadLanes(p + kLanes * k);
   return line;
 }
-inline void store(Line line, double* to) { __builtin_memcpy(to, &line, sizeof line); }
+inline void store(const Line& line, double* to) {
+  for (int k = 0; k < kParts; ++k) storeLanes(line.part[k], to + kLanes * k);
+}
+#endif
 
 /** Eight numbers of every lane -> one line per lane; turnBack: the other way. */
 #if defined(__AVX512F__)
@@ -106,14 +150,14 @@ GENU_INLINE void turn(const V (&x)[8], Line (&to)[4]) {
   turnFour(x, low);
   turnFour(x + 4, high);
 #pragma GCC unroll 4
-  for (int l = 0; l < 4; ++l) to[l] = __builtin_shufflevector(low[l], high[l], 0, 1, 2, 3, 4, 5, 6, 7);
+  for (int l = 0; l < 4; ++l) to[l] = Line{{low[l], high[l]}};
 }
 GENU_INLINE void turnBack(const Line (&x)[4], V (&to)[8]) {
   V low[4], high[4], turned[4];
 #pragma GCC unroll 4
   for (int l = 0; l < 4; ++l) {
-    low[l] = __builtin_shufflevector(x[l], x[l], 0, 1, 2, 3);
-    high[l] = __builtin_shufflevector(x[l], x[l], 4, 5, 6, 7);
+    low[l] = x[l].part[0];
+    high[l] = x[l].part[1];
   }
   turnFour(low, turned);
   for (int k = 0; k < 4; ++k) to[k] = turned[k];
@@ -125,13 +169,13 @@ GENU_INLINE void turnBack(const Line (&x)[kLanes], V (&to)[8]) {
 #pragma GCC unroll 8
   for (int k = 0; k < 8; ++k) {
     double lanes[kLanes];
-    for (int l = 0; l < kLanes; ++l) lanes[l] = x[l][k];
+    for (int l = 0; l < kLanes; ++l) lanes[l] = get(x[l], k);
     to[k] = loadLanes(lanes);
   }
 }
 GENU_INLINE void turn(const V (&x)[8], Line (&to)[kLanes]) {
 #pragma GCC unroll 2
-  for (int l = 0; l < kLanes; ++l) to[l] = Line{x[0][l], x[1][l], x[2][l], x[3][l], x[4][l], x[5][l], x[6][l], x[7][l]};
+  for (int l = 0; l < kLanes; ++l) to[l] = makeLine(x[0][l], x[1][l], x[2][l], x[3][l], x[4][l], x[5][l], x[6][l], x[7][l]);
 }
 #endif
 
