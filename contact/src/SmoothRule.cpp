@@ -54,22 +54,16 @@ const StencilWeights& detail::stencilWeights(int mask) {
 
 const GradedRule* detail::gradedRules() {
   static const std::array<GradedRule, GradedRule::kLevels> table = [] {
-    // Gauss-Legendre on [0, 1].
-    constexpr int kHalf = GradedRule::kPoints / 2;
-    constexpr double u[kHalf] = {0.0337652428984240, 0.1693953067668677, 0.3806904069584016};
-    constexpr double w[kHalf] = {0.0856622461895852, 0.1803807865240693, 0.2339569672863455};
     std::array<GradedRule, GradedRule::kLevels> rules{};
     for (size_t level = 0; level < rules.size(); ++level) {
+      GradedRule& rule = rules[level];
       const double t = 0.5 * static_cast<double>(level + 1);
-      rules[level].largestRatio = std::sinh(t);
-      for (int k = 0; k < GradedRule::kPadded; ++k) {
-        rules[level].x[k] = 0.5;
-        rules[level].w[k] = 0;
-      }
+      rule.largestRatio = std::sinh(t);
+      std::fill(std::begin(rule.x), std::end(rule.x), 0.5);
       for (int k = 0; k < GradedRule::kPoints; ++k) {
-        const double at = k < kHalf ? u[k] : 1 - u[GradedRule::kPoints - 1 - k];
-        rules[level].x[k] = std::sinh(t * at) / std::sinh(t);
-        rules[level].w[k] = w[k < kHalf ? k : GradedRule::kPoints - 1 - k] * t * std::cosh(t * at) / std::sinh(t);
+        const double at = Gauss<GradedRule::kPoints>::x[k] + 0.5;
+        rule.x[k] = std::sinh(t * at) / std::sinh(t);
+        rule.w[k] = Gauss<GradedRule::kPoints>::w[k] * t * std::cosh(t * at) / std::sinh(t);
       }
     }
     return rules;

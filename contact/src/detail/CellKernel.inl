@@ -163,19 +163,35 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
     const double* S = task.S;
     CellMoments m;
     const bool full = lowerBound(S) >= 0;
+    const bool readsLaw = !isLinear || withEnergy;
+    double R[kSmooth] = {};
+    LawQuadrature rule = {nullptr, true};
+    if (readsLaw) {
+      gatherSmooth([&](int k) { return g.r[k]; }, stencil, task.mask, R);
+      rule = chooseQuadrature(S, R, full, law.shape);
+    }
+    Lines lines;
     if (full) {
       for (int k = 0; k < kMoments; ++k) m.area[k] = kFullArea[k];
     } else {
-      calcRimArea(S, m.area);
+      if (isLinear) {
+        calcRimArea(S, m.area);
+      } else if (rule.mild) {  // the same lines for area and law
+        findLawLines(S, R, law.shape, true, lines);
+        sumArea<2>(lines, m.area);
+      } else {
+        findLines(S, lines, true);
+        padLines(lines);
+        sumArea<2>(lines, m.area);
+      }
       if (!(m.area[0] > 0)) {
         out[3] = 0;
         continue;
       }
     }
-    double R[kSmooth] = {};
-    if (!isLinear || withEnergy) gatherSmooth([&](int k) { return g.r[k]; }, stencil, task.mask, R);
+    if (readsLaw && rule.points == nullptr && g.share == nullptr && (isLinear || !rule.mild || full)) findLawLines(S, R, law.shape, rule.mild, lines);
     if (isLinear) {
-      if (withEnergy) calcLawMoments<true, false>(S, R, full, law, m);
+      if (withEnergy) calcLawMoments<true, false>(S, R, rule, lines, law, m);
       if (full) {
         calcFullLinearMoments(S, m.pressure);
       } else {
@@ -186,8 +202,8 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
       gatherSmooth([&](int k) { return g.share[k]; }, stencil, task.mask, Q);
       calcSharedMoments<kWithStiffness>(S, R, Q, full, law, m);
     } else {
-      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law, m)
-                 : calcLawMoments<false, kWithStiffness>(S, R, full, law, m);
+      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, rule, lines, law, m)
+                 : calcLawMoments<false, kWithStiffness>(S, R, rule, lines, law, m);
     }
     const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
     spreadSmooth<4>(m.pressure, task.mask, out);

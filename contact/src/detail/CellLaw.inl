@@ -48,10 +48,9 @@ GENU_INLINE Line sumLanes(const V (&x)[8]) {
   return total;
 }
 
-void calcRimArea(const double* S, double* area) {
-  Lines lines;
-  findLines(S, lines, true);
-  padLines(lines);
+/** int xi^a eta^b up to degree kDegree, from padded lines. */
+template <int kDegree>
+void sumArea(const Lines& lines, double* area) {
   constexpr double kFull[5] = {1, 0, 1.0 / 12, 0, 1.0 / 80};  // int b^k over the cell
   constexpr double kInverse[5] = {1, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5};
   const double c2 = findBend(lines), outside = c2 > 0 ? 1 : 0, sign = c2 > 0 ? -1 : 1;
@@ -63,27 +62,38 @@ void calcRimArea(const double* S, double* area) {
     const V I[5] = {outside * kFull[0] + sign * (hi - lo), (sign / 2) * (hi2 - lo2), outside * kFull[2] + (sign / 3) * (hi2 * hi - lo2 * lo),
                     (sign / 4) * (hi2 * hi2 - lo2 * lo2), outside * kFull[4] + (sign / 5) * (hi2 * hi2 * hi - lo2 * lo2 * lo)};
     V power = loadLanes(lines.weight + first);
-    for (int j = 0; j <= 4; ++j) {
-      for (int k = 0; j + k <= 4; ++k) sums[momentIndex(j, k)] += power * I[k];
+    for (int j = 0; j <= kDegree; ++j) {
+      for (int k = 0; j + k <= kDegree; ++k) sums[momentIndex(j, k)] += power * I[k];
       power *= a;
     }
   }
   const V low[8] = {sums[0], sums[1], sums[2], sums[3], sums[4], sums[5], sums[6], sums[7]};
-  const V high[8] = {sums[8], sums[9], sums[10], sums[11], sums[12], sums[13], sums[14], V{}};
   double local[16];
   store(sumLanes(low), local);
-  store(sumLanes(high), local + 8);
+  if (kDegree > 2) {
+    const V high[8] = {sums[8], sums[9], sums[10], sums[11], sums[12], sums[13], sums[14], V{}};
+    store(sumLanes(high), local + 8);
+  }
   for (int piece = 0; piece < lines.numWhole; ++piece) {
     const double from = lines.from[piece], to = lines.to[piece];
     double powerFrom = from, powerTo = to;
-    for (int j = 0; j <= 4; ++j) {
+    for (int j = 0; j <= kDegree; ++j) {
       const double integral = (powerTo - powerFrom) * kInverse[j];
-      for (int k = 0; j + k <= 4; k += 2) local[momentIndex(j, k)] += integral * kFull[k];
+      for (int k = 0; j + k <= kDegree; k += 2) local[momentIndex(j, k)] += integral * kFull[k];
       powerFrom *= from;
       powerTo *= to;
     }
   }
-  unswap(lines.swapped, local, area);
+  for (int j = 0; j <= kDegree; ++j) {  // from (outer, inner) to (xi, eta)
+    for (int k = 0; j + k <= kDegree; ++k) area[momentIndex(j, k)] = local[lines.swapped ? momentIndex(k, j) : momentIndex(j, k)];
+  }
+}
+
+void calcRimArea(const double* S, double* area) {
+  Lines lines;
+  findLines(S, lines, true);
+  padLines(lines);
+  sumArea<4>(lines, area);
 }
 
 /** Adds points along lines: `outer` one for each lane, or the same for all. */
@@ -114,10 +124,7 @@ constexpr GradedRule kPlainRule = {0,
                                    {Gauss<5>::x[0] + 0.5, Gauss<5>::x[1] + 0.5, 0.5, Gauss<5>::x[3] + 0.5, Gauss<5>::x[4] + 0.5, 0.5, 0.5, 0.5},
                                    {Gauss<5>::w[0], Gauss<5>::w[1], Gauss<5>::w[2], Gauss<5>::w[3], Gauss<5>::w[4], 0, 0, 0}};
 
-inline void listLinePoints(const double* S, const double* R, const LawShape& shape, bool mild, LawPoints& points) {
-  Lines lines;
-  findLines(S, lines, false, mild ? nullptr : &shape, R[0]);
-  padLines(lines);
+inline void listLinePoints(const Lines& lines, const double* R, const LawShape& shape, bool mild, LawPoints& points) {
   points.count = 0;
   const double c2 = findBend(lines);
   const double q0 = lines.swapped ? R[2] : R[1], q1 = lines.swapped ? R[1] : R[2];
@@ -169,9 +176,19 @@ inline void listLinePoints(const double* S, const double* R, const LawShape& sha
   }
 }
 
+/** The lines along which a law is read, padded. */
+inline void findLawLines(const double* S, const double* R, const LawShape& shape, bool mild, Lines& lines) {
+  findLines(S, lines, false, mild ? nullptr : &shape, R[0]);
+  padLines(lines);
+}
+
 void listLawPoints(const double* S, const double* R, bool full, const LawShape& shape, LawPoints& points) {
   const LawQuadrature rule = chooseQuadrature(S, R, full, shape);
-  if (rule.points == nullptr) return listLinePoints(S, R, shape, rule.mild, points);
+  if (rule.points == nullptr) {
+    Lines lines;
+    findLawLines(S, R, shape, rule.mild, lines);
+    return listLinePoints(lines, R, shape, rule.mild, points);
+  }
   points.count = (rule.points->used + kLanes - 1) / kLanes * kLanes;
   for (int i = 0; i < points.count; ++i) {
     points.w[i] = rule.points->w[i];
@@ -289,11 +306,11 @@ void calcPointMoments(const double S[kMonomials], const double R[kSmooth], const
 
 /** Moments of a nonlinear law. */
 template <bool kWithEnergy, bool kWithSlope>
-void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, const LawView& law, CellMoments& m) {
-  const LawQuadrature rule = chooseQuadrature(S, R, full, law.shape);
+void calcLawMoments(const double S[kMonomials], const double R[kSmooth], const LawQuadrature& rule, const Lines& lines, const LawView& law,
+                    CellMoments& m) {
   if (rule.points != nullptr) return calcPointMoments<kWithEnergy, kWithSlope>(S, R, law, *rule.points, m);
   LawPoints points;
-  listLinePoints(S, R, law.shape, rule.mild, points);
+  listLinePoints(lines, R, law.shape, rule.mild, points);
   double x[kWithSlope ? LawPoints::kMost : 1], y[kWithSlope ? LawPoints::kMost : 1];  // w dp r, w dp s
   V pressure[8] = {}, energies[8] = {};
   for (int i = 0; i < points.count; i += kLanes) {

@@ -192,6 +192,14 @@ struct Gauss<5> {
   static constexpr double w[5] = {0.1184634425280945, 0.2393143352496832, 0.2844444444444444, 0.2393143352496832, 0.1184634425280945};
 };
 template <>
+struct Gauss<6> {
+  static constexpr int n = 6;
+  static constexpr double x[6] = {-0.4662347571015760, -0.3306046932331323, -0.1193095930415984,
+                                  0.1193095930415984,  0.3306046932331323,  0.4662347571015760};
+  static constexpr double w[6] = {0.0856622461895852, 0.1803807865240693, 0.2339569672863455,
+                                  0.2339569672863455, 0.1803807865240693, 0.0856622461895852};
+};
+template <>
 struct Gauss<8> {
   static constexpr int n = 8;
   static constexpr double x[8] = {-0.4801449282487681, -0.3983332387068134, -0.2627662049581645, -0.0917173212478249,
@@ -332,13 +340,6 @@ struct alignas(64) CellMoments {
 
 /** Area moments of the whole cell, exact. */
 constexpr double kFullArea[kMoments] = {1, 0, 0, 1.0 / 12, 0, 1.0 / 12, 0, 0, 0, 0, 1.0 / 80, 0, 1.0 / 144, 0, 1.0 / 80};
-
-/** From moments of the lines' (outer, inner) variables to those of (xi, eta). */
-inline void unswap(bool swapped, const double* local, double* moments) {
-  for (int j = 0; j <= 4; ++j) {
-    for (int k = 0; j + k <= 4; ++k) moments[momentIndex(j, k)] = swapped ? local[momentIndex(k, j)] : local[momentIndex(j, k)];
-  }
-}
 
 /** P = s: moments of s over a full cell. */
 inline void calcFullLinearMoments(const double S[kMonomials], double pressure[kSmooth]) {
