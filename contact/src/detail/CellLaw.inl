@@ -199,43 +199,55 @@ void listLawPoints(const double* S, const double* R, bool full, const LawShape& 
 
 // ---- laws -------------------------------------------------------------------------------------------------------
 
-/** A law at the strains of all lanes. */
+/** A law's table at the strains of all lanes, see PressureTable.h. @pre within the table */
 template <bool kWithEnergy, bool kWithSlope>
+GENU_INLINE void readTableLanes(const LawTable& table, V strain, V& p, V& dp, V& energy) {
+  const V x = choose(strain < 0, V{}, strain) + table.scale;
+  const Mask piece = (reinterpret_cast<Mask>(x) >> LawTable::kShift) - static_cast<long>(table.firstBits);
+  Line lines[kLanes];
+#pragma GCC unroll 8
+  for (int l = 0; l < kLanes; ++l) lines[l] = loadLine(table.pieces + LawTable::kStride * piece[l]);
+  V c[8];
+  turnBack(lines, c);
+  const V t = x - c[0];
+  p = c[2] + t * (c[3] + t * (c[4] + t * (c[5] + t * (c[6] + t * c[7]))));
+  if (kWithSlope) dp = c[3] + t * (2 * c[4] + t * (3 * c[5] + t * (4 * c[6] + t * (5 * c[7]))));
+  if (kWithEnergy) {
+    energy = c[1] + t * (c[2] + t * (c[3] * (1.0 / 2) + t * (c[4] * (1.0 / 3) + t * (c[5] * (1.0 / 4) +
+                    t * (c[6] * (1.0 / 5) + t * (c[7] * (1.0 / 6)))))));
+  }
+}
+
+/** A law at the strains of all lanes. kTabled: it has a table, and they lie in it. */
+template <bool kTabled, bool kWithEnergy, bool kWithSlope>
 GENU_INLINE void respond(const LawView& law, V strain, V& p, V& dp, V& energy) {
+  if (kTabled) return readTableLanes<kWithEnergy, kWithSlope>(law.pieces, strain, p, dp, energy);
   if (law.kind == LawView::linear) {
     p = law.K_Pa * strain;
     if (kWithSlope) dp = all(law.K_Pa);
     if (kWithEnergy) energy = 0.5 * p * strain;
     return;
   }
-  strain = choose(strain < 0, V{}, strain);
-  if (law.kind == LawView::table && bits(strain < law.pieces.largestStrain) == (1 << kLanes) - 1) {
-    // See PressureTable.h.
-    const V x = strain + law.pieces.scale;
-    const Mask piece = (reinterpret_cast<Mask>(x) >> LawTable::kShift) - static_cast<long>(law.pieces.firstBits);
-    Line lines[kLanes];
-#pragma GCC unroll 8
-    for (int l = 0; l < kLanes; ++l) lines[l] = loadLine(law.pieces.pieces + LawTable::kStride * piece[l]);
-    V c[8];
-    turnBack(lines, c);
-    const V t = x - c[0];
-    p = c[2] + t * (c[3] + t * (c[4] + t * (c[5] + t * (c[6] + t * c[7]))));
-    if (kWithSlope) dp = c[3] + t * (2 * c[4] + t * (3 * c[5] + t * (4 * c[6] + t * (5 * c[7]))));
-    if (kWithEnergy) {
-      energy = c[1] + t * (c[2] + t * (c[3] * (1.0 / 2) + t * (c[4] * (1.0 / 3) + t * (c[5] * (1.0 / 4) +
-                      t * (c[6] * (1.0 / 5) + t * (c[7] * (1.0 / 6)))))));
-    }
-    return;
-  }
   double answers[3][kLanes];
   for (int l = 0; l < kLanes; ++l) {
     double answer[4];
-    law.respond(law.self, strain[l], 1, answer);
+    const double at = strain[l];
+    if (law.kind == LawView::table && at < law.pieces.largestStrain) {
+      readTable<true>(law.pieces, larger(at, 0.0), answer[0], answer[1], answer[2]);
+    } else {
+      law.respond(law.self, at, 1, answer);
+    }
     for (int k = 0; k < 3; ++k) answers[k][l] = answer[k];
   }
   p = loadLanes(answers[0]);
   dp = loadLanes(answers[1]);
   energy = loadLanes(answers[2]);
+}
+
+/** Whether all strains of a cell lie in the law's table. */
+inline bool isTabled(const double S[kMonomials], const double R[kSmooth], const LawView& law) {
+  const double ratio = R[0] + 0.5 * (absolute(R[1]) + absolute(R[2])) + 0.25 * (larger(R[3], 0.0) + larger(R[4], 0.0));
+  return law.kind == LawView::table && upperBound(S) * ratio < law.pieces.largestStrain;
 }
 
 /** S and R at points of all lanes. */
@@ -267,7 +279,7 @@ inline void sumMoments(const LawPoints& points, const double* values, double mom
 }
 
 /** Moments of a law at the points of a rule for whole cells. */
-template <bool kWithEnergy, bool kWithSlope>
+template <bool kTabled, bool kWithEnergy, bool kWithSlope>
 void calcPointMoments(const double S[kMonomials], const double R[kSmooth], const LawView& law, const PointRule& rule, CellMoments& m) {
   constexpr int kPoints = PointRule::kMost;
   double ps[kPoints], energies[kPoints], xs[kPoints], ys[kPoints];
@@ -275,7 +287,7 @@ void calcPointMoments(const double S[kMonomials], const double R[kSmooth], const
     const V xi = loadLanes(rule.xi + i), eta = loadLanes(rule.eta + i);
     const V s = evaluateLanes(S, xi, eta), r = evaluateSmoothLanes(R, xi, eta);
     V p, dp = {}, energy = {};
-    respond<kWithEnergy, kWithSlope>(law, s * r, p, dp, energy);
+    respond<kTabled, kWithEnergy, kWithSlope>(law, s * r, p, dp, energy);
     storeLanes(p, ps + i);
     if (kWithEnergy) storeLanes(energy, energies + i);
     if (kWithSlope) {
@@ -304,11 +316,10 @@ void calcPointMoments(const double S[kMonomials], const double R[kSmooth], const
   }
 }
 
-/** Moments of a nonlinear law. */
-template <bool kWithEnergy, bool kWithSlope>
-void calcLawMoments(const double S[kMonomials], const double R[kSmooth], const LawQuadrature& rule, const Lines& lines, const LawView& law,
-                    CellMoments& m) {
-  if (rule.points != nullptr) return calcPointMoments<kWithEnergy, kWithSlope>(S, R, law, *rule.points, m);
+/** Moments of a nonlinear law along lines. */
+template <bool kTabled, bool kWithEnergy, bool kWithSlope>
+void calcLineMoments(const double S[kMonomials], const double R[kSmooth], const LawQuadrature& rule, const Lines& lines, const LawView& law,
+                     CellMoments& m) {
   LawPoints points;
   listLinePoints(lines, R, law.shape, rule.mild, points);
   double x[kWithSlope ? LawPoints::kMost : 1], y[kWithSlope ? LawPoints::kMost : 1];  // w dp r, w dp s
@@ -317,7 +328,7 @@ void calcLawMoments(const double S[kMonomials], const double R[kSmooth], const L
     const V w = loadLanes(points.w + i), xi = loadLanes(points.xi + i), eta = loadLanes(points.eta + i);
     const V s = evaluateLanes(S, xi, eta), r = evaluateSmoothLanes(R, xi, eta);
     V p, dp = {}, energy = {};
-    respond<kWithEnergy, kWithSlope>(law, s * r, p, dp, energy);
+    respond<kTabled, kWithEnergy, kWithSlope>(law, s * r, p, dp, energy);
     p *= w;
     pressure[0] += p;
     pressure[1] += p * xi;
@@ -345,7 +356,22 @@ void calcLawMoments(const double S[kMonomials], const double R[kSmooth], const L
   }
 }
 
+/** Moments of a nonlinear law. */
+template <bool kWithEnergy, bool kWithSlope>
+void calcLawMoments(const double S[kMonomials], const double R[kSmooth], const LawQuadrature& rule, const Lines& lines, const LawView& law,
+                    CellMoments& m) {
+  const bool tabled = isTabled(S, R, law);
+  if (rule.points != nullptr) {
+    tabled ? calcPointMoments<true, kWithEnergy, kWithSlope>(S, R, law, *rule.points, m)
+           : calcPointMoments<false, kWithEnergy, kWithSlope>(S, R, law, *rule.points, m);
+  } else {
+    tabled ? calcLineMoments<true, kWithEnergy, kWithSlope>(S, R, rule, lines, law, m)
+           : calcLineMoments<false, kWithEnergy, kWithSlope>(S, R, rule, lines, law, m);
+  }
+}
+
 void readLaw(const double* S, const double* R, const double* share, const LawView& law, const LawPoints& points, LawReading& reading) {
+  const bool tabled = isTabled(S, R, law);
   for (int i = 0; i < points.count; i += kLanes) {
     const V xi = loadLanes(points.xi + i), eta = loadLanes(points.eta + i);
     const V s = evaluateLanes(S, xi, eta), r = evaluateSmoothLanes(R, xi, eta);
@@ -353,7 +379,7 @@ void readLaw(const double* S, const double* R, const double* share, const LawVie
     storeLanes(r, reading.r + i);
     if (share == nullptr) {
       V p, dp, energy;
-      respond<true, true>(law, s * r, p, dp, energy);
+      tabled ? respond<true, true, true>(law, s * r, p, dp, energy) : respond<false, true, true>(law, s * r, p, dp, energy);
       storeLanes(p, reading.p + i);
       storeLanes(dp, reading.dp + i);
       storeLanes(energy, reading.energy + i);
