@@ -631,7 +631,8 @@ genu_status genu_evaluate(const genu_pair* pair, genu_workspace* workspace, cons
     std::memcpy(result, &made, std::min(size, sizeof made));
     result->struct_size = size;
     for (int k = 0; compartments && k < expected; ++k) copyLoad(r.compartments[static_cast<size_t>(k)], compartments[k]);
-    return toStatus(r.status);
+    // Rates and places whose products overflow.
+    return std::isfinite(made.power) ? toStatus(r.status) : GENU_NOT_CONVERGED;
   });
 }
 

@@ -69,6 +69,7 @@ class LineSearch {
     low_ = low;
     high_ = high;
     hasAhead_ = hasBehind_ = doubtful_ = false;
+    splits_ = 0;
     struct Entry {
       int node;
       double t0, t1;
@@ -148,6 +149,14 @@ class LineSearch {
   /** Near tangency: quarters of the piece, as far as their hulls meet the line. Their normals spread half as far. */
   void split(const Piece& piece, int depth) {
     constexpr int kMaxDepth = 12;
+    // A line within a plane or along a collapsed patch meets all 4^12 pieces of a leaf. One that touches a curved surface needs
+    // up to about 300 splits, those with a crossing at the end about 100.
+    constexpr int kMaxSplits = 2000;
+    if (splits_ == kMaxSplits) {
+      doubtful_ = true;
+      return;
+    }
+    ++splits_;
     const NurbsPatch& patch = surface_.patch(piece.patch);
     const double um = 0.5 * (piece.u0 + piece.u1), vm = 0.5 * (piece.v0 + piece.v1);
     const int i = patch.findSpanU(um), j = patch.findSpanV(vm);
@@ -240,7 +249,7 @@ class LineSearch {
   double low_ = 0, high_ = 0;
   Crossing ahead_, behind_;
   bool hasAhead_ = false, hasBehind_ = false, doubtful_ = false;
-  int iterations_ = 0;
+  int iterations_ = 0, splits_ = 0;
 };
 
 void toFirstHit(const detail::RayHit& from, const SurfaceParameter& at, FirstHit& to) {

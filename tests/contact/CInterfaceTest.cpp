@@ -311,6 +311,16 @@ TEST(CInterface, StructsMayGrow) {
   EXPECT_EQ(std::memcmp(&result.power, &untouched, sizeof untouched), 0);
 }
 
+TEST(CInterface, APowerBeyondTheRangeOfDoubleIsNotConverged) {
+  const SphereOnLayer s;
+  const Pair pair = s.makePair();
+  const Workspace workspace = makeWorkspace(pair);
+  genu_result result = makeResult();
+  const double rates[6] = {0, 0, 0, 0, 1e308, 0};
+  EXPECT_EQ(genu_evaluate(pair.get(), workspace.get(), kPressed, rates, nullptr, &result, nullptr, 0), GENU_NOT_CONVERGED);
+  EXPECT_GT(result.total.force_on_moving[1], 1000);
+}
+
 TEST(CInterface, EvaluateRefusesBadArguments) {
   const SphereOnLayer s;
   const Pair pair = s.makePair(), other = s.makePair();

@@ -172,6 +172,43 @@ TEST(ClosestPoint, SafeDistanceIsHalfTheSmallestRadiusOfCurvatureOfASphere) {
   EXPECT_NEAR(dish.safeDistanceOutside_m(), 0.015, 1e-4);  // the hollow side of a fixed dish, frontal radius 30 mm
 }
 
+TEST(ClosestPoint, NearTheMiddleOfASphereTheSearchIsShort) {
+  const double R = 0.03;
+  const ContactSurface sphere(makeSphere(R));
+  std::mt19937 random(5);
+  std::normal_distribution<double> unit(0, 1);
+  // The boxes of most of the 4000 pieces are nearer than the foot: searches from all of them take 6000, 40000 and 200000
+  // iterations. 512 searches of at most 60 are allowed.
+  const std::pair<double, int> cases[] = {{0.05, 600}, {1e-3, 512 * 60}, {1e-6, 512 * 60}, {1e-9, 512 * 60}};
+  for (const auto& [offset, most] : cases) {
+    for (int i = 0; i < 100; ++i) {
+      const Vec3 Q = offset * R * Vec3(unit(random), unit(random), unit(random)).normalized();
+      const auto foot = sphere.findClosestPoint(Q);
+      ASSERT_EQ(foot.status, QueryStatus::converged);
+      ASSERT_NEAR(foot.distance_m, -(1 - offset) * R, 1e-14);
+      ASSERT_LE(foot.iterations, most);
+    }
+  }
+}
+
+TEST(ClosestPoint, FarAwayTheFootIsFoundAsWellAsItCanBe) {
+  const double R = 0.03;
+  const ContactSurface sphere(makeSphere(R));
+  std::mt19937 random(6);
+  std::normal_distribution<double> unit(0, 1);
+  for (const double far_m : {1e2, 1e3, 1e6, 1e9}) {
+    for (int i = 0; i < 100; ++i) {
+      const Vec3 n = Vec3(unit(random), unit(random), unit(random)).normalized();
+      const auto foot = sphere.findClosestPoint(far_m * n);
+      ASSERT_EQ(foot.status, QueryStatus::converged) << far_m;
+      // Q is rounded, and so is its distance.
+      ASSERT_NEAR(foot.distance_m, far_m - R, 1e-15 * far_m);
+      // The tangential residual, 8e-16 of the distance, turns the foot by as much.
+      ASSERT_LE((foot.p_MB - R * n).norm(), 2e-15 * R + 1e-13) << far_m;
+    }
+  }
+}
+
 TEST(ClosestPoint, NotANumberIsNotConverged) {
   const ContactSurface sphere(makeSphere(0.03));
   EXPECT_EQ(sphere.findClosestPoint(Vec3(std::nan(""), 0, 0)).status, QueryStatus::notConverged);

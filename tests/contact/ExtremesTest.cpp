@@ -469,6 +469,21 @@ TEST_P(Extremes, PosesFarAway) {
   }
 }
 
+// The same over a round surface, where a foot cannot be found to 1e-13 m: also coming from nearby.
+TEST_P(Extremes, PosesFarFromARoundSurface) {
+  const double R = 0.03, D = 0.2e-3, h = 4e-3;
+  const ContactPair pair(makeSphereScene(GetParam(), R, D, h, 10, 0.05));
+  for (const double far_m : {1e2, 1e3, 1e6}) {
+    ContactWorkspace workspace(pair);
+    ContactResult r;
+    for (const double y : {h + R + 0.01, far_m, -far_m}) {
+      pair.evaluate({0, 0, 0, 0, y, 0}, JointCoordinates{}, workspace, ContactPair::Options{}, r);
+      EXPECT_EQ(r.status, EvaluationStatus::ok) << y << " " << toString(r.status);
+      EXPECT_EQ(r.total.scalarForce_N, 0);
+    }
+  }
+}
+
 // Where no foot can be resolved the answer is a status, and comes at once.
 TEST_P(Extremes, PosesBeyondResolution) {
   const ContactPair pair(makeFlat(GetParam(), 4e-3, cartilage()));

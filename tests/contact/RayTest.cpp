@@ -319,5 +319,26 @@ TEST(FirstHit, BadInputIsAStatus) {
   EXPECT_EQ(sphere.findFirstHit(Vec3(0, 0.04, 0), Vec3::Zero()).status, HitStatus::notConverged);
 }
 
+TEST(FirstHit, LinesWithinASurfaceEndWithoutAnAnswer) {
+  // They meet every piece at every depth of splitting: without a limit one query takes minutes.
+  const auto expectDoubt = [](const ContactSurface& surface, const Vec3& A, const Vec3& n) {
+    const FirstHit hit = surface.findFirstHit(A, n);
+    EXPECT_EQ(hit.status, HitStatus::notConverged);
+    EXPECT_LE(hit.iterations, 250000);
+  };
+  expectDoubt(ContactSurface(makePlane(0, 0, 0, Solid::above, 0.05)), Vec3(0.013, 0, 0.007), Vec3(0.6, 0, 0.8));
+  expectDoubt(ContactSurface(makeCylinder(0.03, 0.1)), Vec3(0.018, 0.024, 0.2), Vec3::UnitZ());
+  NurbsPatchData d;  // a patch without area
+  d.degreeU = d.degreeV = 1;
+  d.numU = d.numV = 2;
+  d.knotsU = d.knotsV = {0, 0, 1, 1};
+  d.points = {Vec3(0, 0, 0), Vec3(0, 0, 0), Vec3(0.01, 0, 0), Vec3(0.01, 0, 0)};
+  std::vector<NurbsPatch> patches;
+  patches.emplace_back(d);
+  const ContactSurface collapsed(std::move(patches));
+  expectDoubt(collapsed, Vec3(0.002, 0.1, 0), Vec3::UnitY());
+  expectDoubt(collapsed, Vec3(0.1, 0, 0), Vec3::UnitX());
+}
+
 }  // namespace
 }  // namespace genu::contact

@@ -18,7 +18,8 @@ using genu::fuzz::Source;
 using Json = nlohmann::json;
 
 // A description may ask for 16 million cells, which is allowed and takes minutes. Only the cost is cut here.
-constexpr int kMaxCells = 10, kMaxSamples = 9;
+// Deep inside a round solid every query is a search of its own, 50 times as slow as near the surface.
+constexpr int kMaxCells = 6, kMaxSamples = 9;
 constexpr std::size_t kMaxCompartments = 3;
 
 void cap(Json& list, int most) {

@@ -62,7 +62,8 @@ struct ContactSurface::Search {
   struct Leaf {
     int patch;
     double u0, u1, v0, v1;
-    Vec3 center;
+    Vec3 center, normal;
+    double low = 0, high = 0;  // the piece lies between these heights above the center, along its normal
     double radius;  // half diagonal of the piece's box
     double spread;  // bound of |normal - normal at center| over the piece (sampled)
   };
