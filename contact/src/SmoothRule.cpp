@@ -120,12 +120,13 @@ constexpr double kAlways = 1e300;  // a way that is never gone
 /** How far the polynomial through vectors at an element's nodes goes from the one at its centre, within the cell. */
 template <class At>
 double calcReach(const std::array<int, 9>& stencil, int mask, const At& at) {
-  double coefficients[3][kMonomials];
-  for (int axis = 0; axis < 3; ++axis) {
-    double values[kStencil];
-    for (size_t k = 0; k < kStencil; ++k) values[k] = stencil[k] < 0 ? 0 : at(static_cast<size_t>(stencil[k]))[axis];
-    calcCoefficients(values, mask, coefficients[axis]);
+  double values[3][kStencil] = {}, coefficients[3][kMonomials];
+  for (size_t k = 0; k < kStencil; ++k) {
+    if (stencil[k] < 0) continue;
+    const double* vector = at(static_cast<size_t>(stencil[k]));
+    for (int axis = 0; axis < 3; ++axis) values[axis][k] = vector[axis];
   }
+  for (int axis = 0; axis < 3; ++axis) calcCoefficients(values[axis], mask, coefficients[axis]);
   double reach = 0;
   for (int m = 1; m < kMonomials; ++m) {
     const double x = coefficients[0][m], y = coefficients[1][m], z = coefficients[2][m];
@@ -539,9 +540,9 @@ class SmoothEvaluation {
     std::copy(foot.normal, foot.normal + 3, look.normal_M);
     Eigen::Map<Vec3>(look.normal_F) = task_.X_FM.R * Eigen::Map<const Vec3>(foot.normal);
     look.turn = memory_.turn;
-    look.spread = calcReach(c_.stencil[element], c_.neighbors[element], [&](size_t k) { return Eigen::Map<const Vec3>(memory_.feet[k].normal); });
+    look.spread = calcReach(c_.stencil[element], c_.neighbors[element], [&](size_t k) { return memory_.feet[k].normal; });
     double margin_m = c_.predictor->calcBorderMargin_m(foot) - c_.stencilReach_m;
-    if (margin_m < 3 * c_.stencilReach_m) {  // near a border: from each node
+    if (margin_m < c_.stencilReach_m) {  // near a border: from each node
       margin_m = kAlways;
       for (const int k : c_.stencil[element]) {
         if (k >= 0) margin_m = std::min(margin_m, c_.predictor->calcBorderMargin_m(memory_.feet[static_cast<size_t>(k)]));
@@ -664,7 +665,7 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
       k < 5 ? mask |= 1 << (k - 1) : ++corners;
     }
     c.neighbors[e] = static_cast<unsigned char>(corners == 4 ? mask | 16 : mask);
-    c.cellReach_m[e] = calcReach(c.stencil[e], c.neighbors[e], [&](size_t k) -> const Vec3& { return c.p_FA[k]; });
+    c.cellReach_m[e] = calcReach(c.stencil[e], c.neighbors[e], [&](size_t k) { return c.p_FA[k].data(); });
     unsigned fresh = 0;
     for (size_t k = 0; k < 9; ++k) {
       const int node = c.stencil[e][k];
