@@ -76,6 +76,21 @@ TEST(CellRule, FullAndEmptyCells) {
   for (int k = 0; k < kMoments; ++k) EXPECT_EQ(area[k], 0);
 }
 
+TEST(CellRule, PointRulesAreExactToTheirDegree) {
+  const auto check = [](const PointRule& rule, int degree) {
+    for (int a = 0; a <= degree; ++a) {
+      for (int b = 0; a + b <= degree; ++b) {
+        double sum = 0;
+        for (int i = 0; i < rule.used; ++i) sum += rule.w[i] * std::pow(rule.xi[i], a) * std::pow(rule.eta[i], b);
+        const auto moment = [](int k) { return k % 2 == 1 ? 0 : std::pow(0.5, k) / (k + 1); };
+        EXPECT_NEAR(sum, moment(a) * moment(b), 1e-15) << a << " " << b;
+      }
+    }
+  };
+  check(kRadonRule, 5);
+  check(kTensorRule, 7);
+}
+
 TEST(CellRule, BoundsHold) {
   std::mt19937 random(6);
   std::uniform_real_distribution<double> unit(-1, 1);
