@@ -464,7 +464,7 @@ class SmoothEvaluation {
   }
 
   /** 1 / largestGain, a hair less. */
-  static double perGain(int mask) { return mask == kAllNeighbors ? (1 - 1e-9) / 1.75 : (1 - 1e-9) / 3.25; }
+  static double perGain(int mask) { return mask == kAllNeighbors ? (1 - 1e-9) / kFullGain : (1 - 1e-9) / kEdgeGain; }
   /** No node's s changes faster than it moves, and the polynomial by at most largestGain times that. Positive marks: no contact
    before this way; negative ones: contact at least until then, as far as its bound can tell. */
   void setMark(size_t element, double bound, int mask) {

@@ -119,7 +119,8 @@ inline double lowerBound(const double S[kMonomials]) {
 }
 /** Largest change of s anywhere in the cell when no node's s changes by more than 1: the sum of the absolute node weights
  at the worst corner, 7/4 for the full stencil, up to 13/4 for one-sided ones. */
-inline double largestGain(int mask) { return mask == kAllNeighbors ? 1.75 : 3.25; }
+constexpr double kFullGain = 1.75, kEdgeGain = 3.25;
+inline double largestGain(int mask) { return mask == kAllNeighbors ? kFullGain : kEdgeGain; }
 
 /** Largest value of the polynomial in the cell and where. */
 inline double findMaximum(const double S[kMonomials], double& xiBest, double& etaBest) {

@@ -10,33 +10,10 @@ namespace {
 /** Fewer feet of a span than this go one by one. */
 constexpr int kFewestLanes = kLanes / 4 + 1;
 
-/** One coordinate of a span in all lanes: Horner in both directions, derivatives carried along. */
-struct CoordinateValues {
-  V f, fs, ft, halfFss, fst, halfFtt;
-};
+/** One coordinate of a span in all lanes. */
 template <int PU, int PV>
-inline CoordinateValues evaluateCoordinate(int pu, int pv, const double* c, V s, V t) {
-  const int nu = PU > 0 ? PU : pu, nv = PV > 0 ? PV : pv;
-  const V zero = {};
-  CoordinateValues o = {zero, zero, zero, zero, zero, zero};
-#pragma GCC unroll 6
-  for (int k = 0; k <= nu; ++k) {
-    const double* row = c + (nu - k) * (nv + 1) * 4;
-    V r0 = all(row[nv * 4]), r1 = zero, r2 = zero;
-#pragma GCC unroll 6
-    for (int m = 0; m < nv; ++m) {
-      r2 = m == 0 ? zero : m == 1 ? r1 : r2 * t + r1;
-      r1 = m == 0 ? r0 : r1 * t + r0;
-      r0 = r0 * t + all(row[(nv - 1 - m) * 4]);
-    }
-    o.halfFss = k < 2 ? zero : k == 2 ? o.fs : o.halfFss * s + o.fs;
-    o.fs = k == 0 ? zero : k == 1 ? o.f : o.fs * s + o.f;
-    o.fst = k == 0 ? zero : k == 1 ? o.ft : o.fst * s + o.ft;
-    o.f = k == 0 ? r0 : o.f * s + r0;
-    o.ft = k == 0 ? r1 : o.ft * s + r1;
-    o.halfFtt = k == 0 ? r2 : o.halfFtt * s + r2;
-  }
-  return o;
+inline Values<V> evaluateCoordinate(int pu, int pv, const double* c, V s, V t) {
+  return evaluateHorner<PU, PV, V>(pu, pv, [c](int i) { return all(c[4 * i]); }, s, t);
 }
 
 /** Feet still to be found, and where each one's search is. */
@@ -110,7 +87,7 @@ void stepSpan(const FeetTask& task, FeetPool& pool, const int (&lane)[kLanes], i
   const V s = (u - su[0]) * su[1], t = (v - sv[0]) * sv[1];
   V3 f, fs, ft, hss, fst, htt;
   const auto evaluate = [&](int axis, V V3::*x) __attribute__((always_inline)) {
-    const CoordinateValues o = evaluateCoordinate<PU, PV>(patch.u.degree, patch.v.degree, c + axis, s, t);
+    const Values<V> o = evaluateCoordinate<PU, PV>(patch.u.degree, patch.v.degree, c + axis, s, t);
     f.*x = o.f;
     fs.*x = o.fs;
     ft.*x = o.ft;
@@ -122,7 +99,7 @@ void stepSpan(const FeetTask& task, FeetPool& pool, const int (&lane)[kLanes], i
   evaluate(1, &V3::y);
   evaluate(2, &V3::z);
   if (kRational) {  // quotient rule on A / w (Piegl & Tiller eq. 4.20)
-    const CoordinateValues o = evaluateCoordinate<PU, PV>(patch.u.degree, patch.v.degree, c + 3, s, t);
+    const Values<V> o = evaluateCoordinate<PU, PV>(patch.u.degree, patch.v.degree, c + 3, s, t);
     const V w = 1 / o.f;
     f = f * w;
     fs = (fs - f * o.fs) * w;
