@@ -61,7 +61,7 @@ constexpr int kAdjointStride = 16;
 
 /** Points (xi, eta) and weights at which a law is read in a cell, whole vectors of them (some without weight). */
 struct LawPoints {
-  static constexpr int kMost = 16 * 56;  // lines: at most 56 with two rules of 8 points each
+  static constexpr int kMost = 16 * 96;  // at most 96 lines with two rules of 8 points each
   int count;
   double w[kMost], xi[kMost], eta[kMost];
 };

@@ -147,30 +147,19 @@ inline void listLinePoints(const Lines& lines, const double* R, const LawShape& 
       const Mask used = (to[side] > from[side]) & (weight > 0);
       unsigned rest = static_cast<unsigned>(bits(used));
       if (rest == 0) continue;
-      // Between two rims: from each to the middle.
-      const unsigned twice = static_cast<unsigned>(bits((from[side] > -0.5) & (to[side] < 0.5)));
       const V middle = 0.5 * (from[side] + to[side]);
-      double b0[kLanes], b1[kLanes], bm[kLanes], e0[kLanes], e1[kLanes], em[kLanes];
+      double b0[kLanes], b1[kLanes], e0[kLanes], e1[kLanes], em[kLanes];
       storeLanes(from[side], b0);
       storeLanes(to[side], b1);
-      storeLanes(middle, bm);
       storeLanes(strainAt(from[side]), e0);
       storeLanes(strainAt(to[side]), e1);
       storeLanes(strainAt(middle), em);
       for (; rest != 0; rest &= rest - 1) {
         const int l = __builtin_ctz(rest);
         const double outer = lines.a[first + l], w = lines.weight[first + l];
-        if (twice >> l & 1) {
-          const GradedRule& rule = findGraded(shape, em[l]);
-          addLinePoints(lines, rule, w, outer, b0[l], bm[l], points);
-          addLinePoints(lines, rule, w, outer, b1[l], bm[l], points);
-        } else if (e0[l] < 0.5 * e1[l]) {
-          addLinePoints(lines, findGraded(shape, e1[l]), w, outer, b0[l], b1[l], points);
-        } else if (e1[l] < 0.5 * e0[l]) {
-          addLinePoints(lines, findGraded(shape, e0[l]), w, outer, b1[l], b0[l], points);
-        } else {
-          addLinePoints(lines, kPlainRule, w, outer, b0[l], b1[l], points);
-        }
+        const GradedParts parts = gradeParts(shape, b0[l], b1[l], e0[l], em[l], e1[l]);
+        for (int k = 0; k < parts.count; ++k) addLinePoints(lines, *parts.part[k].rule, w, outer, parts.part[k].from, parts.part[k].to, points);
+        if (parts.count == 0) addLinePoints(lines, kPlainRule, w, outer, b0[l], b1[l], points);
       }
     }
   }

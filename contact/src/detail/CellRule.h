@@ -211,7 +211,7 @@ struct Gauss<8> {
 
 /** Integration lines of the region s > 0 of a cell: outer variable a, inner variable b, the one in which s changes faster;
  `swapped` tells that a is eta. s = s0 + sa a + saa a^2 + (sb + sab a) b + sbb b^2. */
-constexpr int kMaxLines = 56;  // 6 splits, 8 lines a piece
+constexpr int kMaxLines = 96;  // 6 splits, at most 12 lines a piece, whole vectors
 struct Lines {
   double a[kMaxLines], weight[kMaxLines];
   int count;
@@ -227,6 +227,26 @@ inline const GradedRule& findGraded(const LawShape& shape, double strain) {
   const GradedRule* last = rule + GradedRule::kLevels - 1;
   while (rule != last && strain > shape.atZero * rule->largestRatio) ++rule;
   return *rule;
+}
+
+/** Graded rules for a range whose strain is known at both ends and in the middle: none where plain points will do, from both ends
+ where the strain vanishes at both (which of them is the shallower one would be decided by rounding). */
+struct GradedParts {
+  struct Part {
+    const GradedRule* rule;
+    double from, to;  // crowded at `from`
+  } part[2];
+  int count;
+};
+inline GradedParts gradeParts(const LawShape& shape, double from, double to, double shallowFrom, double inside, double shallowTo) {
+  const double middle = 0.5 * (from + to);
+  if (shallowFrom < 0.5 * inside && shallowTo < 0.5 * inside) {
+    const GradedRule* rule = &findGraded(shape, inside);
+    return {{{rule, from, middle}, {rule, to, middle}}, 2};
+  }
+  if (shallowFrom < 0.5 * shallowTo) return {{{&findGraded(shape, shallowTo), from, to}, {}}, 1};
+  if (shallowTo < 0.5 * shallowFrom) return {{{&findGraded(shape, shallowFrom), to, from}, {}}, 1};
+  return {{}, 0};
 }
 
 /** How the region meets a line: the same for all lines of a piece. */
@@ -298,28 +318,20 @@ inline void findLines(const double S[kMonomials], Lines& lines, bool wholePieces
           put(from + width * t * t * (3 - 2 * t), width * 6 * t * (1 - t) * Gauss<8>::w[i]);
         }
       } else {
-        double shallow = 1, deep = 1;
-        bool turned = false;
+        GradedParts parts = {{}, 0};
         if (shape != nullptr) {
           const auto depth = [&](double a) {  // at the deeper end of the line
             const double c0 = s0 + a * (sa + saa * a) + 0.25 * sbb, c1 = 0.5 * (sb + sab * a);
             return larger(c0 + absolute(c1), 0.0) * r;
           };
-          shallow = depth(from);
-          deep = depth(to);
-          turned = shallow > deep;
-          if (turned) {
-            const double t = shallow;
-            shallow = deep;
-            deep = t;
-          }
+          parts = gradeParts(*shape, from, to, depth(from), depth(middle), depth(to));
         }
-        if (shallow < 0.5 * deep) {
-          const GradedRule& rule = findGraded(*shape, deep);
-          for (int i = 0; i < GradedRule::kPoints; ++i) {
-            put(turned ? to - width * rule.x[i] : from + width * rule.x[i], width * rule.w[i]);
-          }
-        } else {
+        for (int k = 0; k < parts.count; ++k) {
+          const GradedParts::Part& part = parts.part[k];
+          const double reach = part.to - part.from;
+          for (int i = 0; i < GradedRule::kPoints; ++i) put(part.from + reach * part.rule->x[i], absolute(reach) * part.rule->w[i]);
+        }
+        if (parts.count == 0) {
           for (int i = 0; i < 5; ++i) put(middle + width * Gauss<5>::x[i], width * Gauss<5>::w[i]);
         }
       }
