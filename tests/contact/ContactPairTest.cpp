@@ -189,15 +189,20 @@ std::vector<JointCoordinates> makeRocking() {
 
 /** Rocking balls with every element evaluated. */
 const std::vector<ContactResult>& rockWithAll() {
-  static const std::vector<ContactResult> results = [] {
+  static const std::vector<ContactResult> all = [] {
     auto d = makeThreeBalls();
     d.tracking = Tracking::all;
     const ContactPair pair(d);
-    std::vector<ContactResult> r;
-    for (const JointCoordinates& q : makeRocking()) r.push_back(pair.evaluate(q));
-    return r;
+    ContactWorkspace workspace(pair);
+    std::vector<ContactResult> results;
+    ContactResult r;
+    for (const JointCoordinates& q : makeRocking()) {
+      pair.evaluate(q, workspace, {}, r);
+      results.push_back(r);
+    }
+    return results;
   }();
-  return results;
+  return all;
 }
 
 TEST(Tracking, FollowsSeveralRegionsOfOneCompartment) {
