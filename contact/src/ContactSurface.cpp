@@ -7,6 +7,7 @@
 
 #include "detail/BezierHull.h"
 #include "detail/PatchKernel.h"
+#include "detail/Kernels.h"
 #include "detail/SurfaceSearch.h"
 
 namespace genu::contact {
@@ -336,7 +337,7 @@ void ContactSurface::Search::addTables(const NurbsPatch& patch) {
       const NurbsPatch::Span& span = alongU ? patch.spanU(i) : patch.spanV(i);
       spans.insert(spans.end(), {span.center, span.invHalfWidth, 1 / span.invHalfWidth});
     }
-    d.numBuckets = std::min(4096, 4 * d.numSpans);
+    d.numBuckets = std::min(4096, 16 * d.numSpans);  // few hold a knot
     d.bucketScale = d.numBuckets / (d.hi - d.lo);
     std::vector<unsigned short> buckets;
     for (int k = 0; k < d.numBuckets; ++k) {
@@ -353,6 +354,7 @@ void ContactSurface::Search::addTables(const NurbsPatch& patch) {
   setDirection(t.u, true);
   setDirection(t.v, false);
   t.coefficients = patch.spanCoefficients(0, 0);
+  t.firstSpan = tables.empty() ? 0 : tables.back().firstSpan + tables.back().u.numSpans * tables.back().v.numSpans;
   t.normalSign = patch.normalSign();
   t.tolerance_m = std::max(kDefaultTolerance_m, 8e-16 * patchInfo.size);
   t.rational = patch.data().isRational();
@@ -535,18 +537,19 @@ bool ContactSurface::Search::crossEdge(SurfaceParameter& at, double& u, double& 
 }
 
 bool ContactSurface::Search::solveFast(const double* Q, SurfaceParameter& at, detail::FootDerivatives derivatives, detail::TrackedFoot& foot,
-                                       double& residual_m, int& iterations) const {
-  const detail::SolveFoot solve = detail::activeSolveFoot();
-  detail::FootSearch search{at.u, at.v, 0, 0};
+                                       detail::FootSearch& search) const {
+  const detail::SolveFoot solve = detail::activeKernels().solveFoot;
+  search.u = at.u;
+  search.v = at.v;
+  int iterations = 0;
   constexpr int kHops = 4;
   for (int hop = 0; hop <= kHops; ++hop) {
     const detail::PatchTables& t = tables[static_cast<size_t>(at.patch)];
     const detail::FootOutcome outcome = solve(t, Q, search, derivatives, foot);
-    iterations += search.iterations;
+    search.iterations = iterations += search.iterations;
     if (outcome == detail::FootOutcome::found) {
       at.u = search.u;
       at.v = search.v;
-      residual_m = search.residual_m;
       return true;
     }
     if (outcome == detail::FootOutcome::failed) return false;
@@ -639,15 +642,15 @@ ContactSurface& ContactSurface::operator=(ContactSurface&&) noexcept = default;
 
 namespace {
 
-ClosestPoint makeClosestPoint(const SurfaceParameter& at, const detail::TrackedFoot& foot, double residual_m, int iterations) {
+ClosestPoint makeClosestPoint(const SurfaceParameter& at, const detail::TrackedFoot& foot, const detail::FootSearch& search) {
   ClosestPoint result;
   result.at = at;
-  result.p_MB = Eigen::Map<const Vec3>(foot.p_MB);
+  result.p_MB = Eigen::Map<const Vec3>(search.p_MB);
   result.normal_M = Eigen::Map<const Vec3>(foot.normal);
   result.distance_m = foot.distance_m;
-  result.residual_m = residual_m;
+  result.residual_m = search.residual_m;
   result.status = QueryStatus::converged;
-  result.iterations = iterations;
+  result.iterations = search.iterations;
   return result;
 }
 
@@ -667,14 +670,14 @@ ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParame
     return none;
   }
   // The fast solver's foot counts where the foot is provably unique; everything else is left to the careful search.
-  double residual = 0;
-  int iterations = 0;
+  detail::FootSearch fast{};
   detail::TrackedFoot foot;
   const bool warm = seed != nullptr && seed->patch >= 0;
   SurfaceParameter at = warm ? *seed : search_->findSeed(Q.data());
-  if (at.patch >= 0 && search_->solveFast(Q.data(), at, detail::FootDerivatives::none, foot, residual, iterations) && search_->isSafe(foot.distance_m)) {
-    return makeClosestPoint(at, foot, residual, iterations);
+  if (at.patch >= 0 && search_->solveFast(Q.data(), at, detail::FootDerivatives::none, foot, fast) && search_->isSafe(foot.distance_m)) {
+    return makeClosestPoint(at, foot, fast);
   }
+  int iterations = fast.iterations;
   ClosestPoint best;
   best.distance_m = kInfinity;
   if (!Q.allFinite()) return best;  // notConverged

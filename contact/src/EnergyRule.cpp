@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "detail/CellRule.h"
+#include "detail/Kernels.h"
 
 namespace genu::contact::detail {
 
@@ -53,9 +54,6 @@ struct Node {
       chi = -wrench(slope_F, A) / f.h_m;
     }
   }
-  Vector6 dr() const { return -r * (lambda + chi); }
-  Vector6 dG() const { return area * f.h_m * chi; }
-
   /** D_j(ds_i) and so on: rows i, columns j. `third` is T(n, ., .) in F, T the third derivative of the distance; `hessianH` that of the
    thickness, in F. */
   void calcSecond(const Mat3& third, const Mat3& hessianH, Matrix6& d2s, Matrix6& d2r, Matrix6& d2G) const {
@@ -102,6 +100,33 @@ struct Node {
   Vector6 ds, lambda = Vector6::Zero(), chi = Vector6::Zero();  // d(length)/length, dh/h
   Vec3 slope_F = Vec3::Zero();
 };
+
+/** First derivatives of a node's s, r and area times thickness by the motion. */
+void calcFirst(const PairData& impl, const Compartment& c, const CellGrid& grid, const Pose& X_FM, int k, double* ds, double* dr, double* dG) {
+  using Map6 = Eigen::Map<Vector6>;
+  const TrackedFoot& foot = grid.feet[k];
+  const NodeField& f = grid.field[k];
+  const Vec3 &A = c.p_FA[static_cast<size_t>(k)], u = vec(f.u), m = vec(f.m);
+  Map6{ds} = -wrench(u, A);
+  Vector6 change = Vector6::Zero();  // of length and thickness
+  if (f.length > 0) {
+    Vec3 Wm = Vec3::Zero();  // Hessian of the distance times m
+    if (foot.status == QueryStatus::converged) {
+      const Vec3 m_M = X_FM.R.transpose() * m;
+      Wm = X_FM.R * (vec(foot.nu) * vec(foot.duvdQ).dot(m_M) + vec(foot.nv) * vec(foot.duvdQ + 3).dot(m_M));
+    }
+    change << Wm, -m.cross(u) - Wm.cross(A);
+    change /= f.length;
+  }
+  if (impl.movingLayer == MovingLayer::map || impl.movingLayer == MovingLayer::plane) {
+    const Vector6 chi = -wrench(X_FM.R * calcThicknessGradient(impl, c, foot), A) / f.h_m;
+    change += chi;
+    Map6{dG} = c.area_m2[static_cast<size_t>(k)] * f.h_m * chi;
+  } else {
+    Map6{dG}.setZero();
+  }
+  Map6{dr} = -grid.r[k] * change;
+}
 
 /** Differences of the distance's Hessian and of the thickness's gradient over a small step. */
 void calcThird(const PairData& impl, const Compartment& c, const Node& node, const Pose& X_FM, Mat3& third, Mat3& hessianH) {
@@ -158,74 +183,73 @@ void calcEnergyGradient(const PairData& impl, const Compartment& c, CompartmentM
   };
   using Map6 = Eigen::Map<Vector6>;
   forEachNode([&](int k, double* g) {
-    const Node node(impl, c, grid, X_FM, k);
-    Map6 ds(g), dr(g + 6), dG(g + 12);
-    ds = node.ds;
-    dr = node.dr();
-    dG = node.dG();
+    calcFirst(impl, c, grid, X_FM, k, g, g + 6, g + 12);
     g[18] = g[19] = g[20] = 0;
   });
+  const CellKernels& kernels = activeKernels().cells;
+  LawPoints points;
+  LawReading reading;
   const bool layerVaries = impl.movingLayer == MovingLayer::map || impl.movingLayer == MovingLayer::plane;
   for (size_t i = 0; i < memory.tasks.size(); ++i) {
     if (!isActive(i)) continue;
     const CellTask& task = memory.tasks[i];
     const auto& stencil = c.stencil[static_cast<size_t>(task.element)];
-    const StencilWeights& T = stencilWeights(task.mask);
-    double R[kSmooth] = {}, G[kSmooth] = {}, share[kSmooth] = {};
+    double R[kSmooth], G[kSmooth], share[kSmooth];
+    gatherSmooth([&](int k) { return grid.r[k]; }, stencil.data(), task.mask, R);
+    gatherSmooth([&](int k) { return c.area_m2[static_cast<size_t>(k)] * grid.field[k].h_m; }, stencil.data(), task.mask, G);
+    if (grid.share != nullptr) gatherSmooth([&](int k) { return grid.share[k]; }, stencil.data(), task.mask, share);
     Eigen::Matrix<double, 6, kMonomials> dS;
     Eigen::Matrix<double, 6, kSmooth> dR, dG;
-    dS.setZero();
-    dR.setZero();
-    dG.setZero();
-    for (size_t n = 0; n < kStencil; ++n) {
-      const int k = stencil[n];
-      if (k < 0 || !grid.usable[k]) continue;
-      const double* g = memory.gradient.data() + static_cast<size_t>(kGradientStride) * static_cast<size_t>(k);
-      for (int m = 0; m < kMonomials; ++m) {
-        const double t = T.T[m][n];
-        if (t == 0) continue;
-        if (withStiffness) dS.col(m) += t * Eigen::Map<const Vector6>(g);
-        if (m >= kSmooth) continue;
-        R[m] += t * grid.r[k];
-        if (grid.share != nullptr) share[m] += t * grid.share[k];
-        G[m] += t * c.area_m2[static_cast<size_t>(k)] * grid.field[k].h_m;
-        if (withStiffness) {
+    if (withStiffness) {
+      dS.setZero();
+      dR.setZero();
+      dG.setZero();
+      const StencilWeights& T = stencilWeights(task.mask);
+      for (size_t n = 0; n < kStencil; ++n) {
+        const int k = stencil[n];
+        if (k < 0 || !grid.usable[k]) continue;
+        const double* g = memory.gradient.data() + static_cast<size_t>(kGradientStride) * static_cast<size_t>(k);
+        for (int m = 0; m < kMonomials; ++m) {
+          const double t = T.T[m][n];
+          if (t == 0) continue;
+          dS.col(m) += t * Eigen::Map<const Vector6>(g);
+          if (m >= kSmooth) continue;
           dR.col(m) += t * Eigen::Map<const Vector6>(g + 6);
           if (layerVaries) dG.col(m) += t * Eigen::Map<const Vector6>(g + 12);
         }
       }
     }
-    double byS[kMonomials] = {}, byR[kSmooth] = {}, byG[kSmooth] = {};
-    forEachLawPoint(task.S, R, lowerBound(task.S) >= 0, law.shape, [&](double w, double xi, double eta) {
-      const double s = evaluateAt(task.S, xi, eta), r = evaluateSmoothAt(R, xi, eta), area = evaluateSmoothAt(G, xi, eta);
-      double p[4];
-      law.respond(law.self, s * r, evaluateSmoothAt(share, xi, eta), p);
+    double byS[8], byR[8], byG[8];
+    kernels.listLawPoints(task.S, R, lowerBound(task.S) >= 0, law.shape, points);
+    kernels.readLaw(task.S, R, grid.share != nullptr ? share : nullptr, law, points, reading);
+    kernels.calcEnergyMoments(G, points, reading, byS, byR, byG);
+    for (int at = 0; withStiffness && at < points.count; ++at) {
+      const double w = points.w[at], xi = points.xi[at], eta = points.eta[at];
+      if (w == 0) continue;
+      const double s = reading.s[at], r = reading.r[at], p = reading.p[at], area = evaluateSmoothAt(G, xi, eta);
       const double monomial[kMonomials] = {1, xi, eta, xi * xi, eta * eta, xi * eta};
-      for (int m = 0; m < kMonomials; ++m) byS[m] += w * area * p[0] * r * monomial[m];
-      for (int m = 0; m < kSmooth; ++m) {
-        byR[m] += w * area * p[0] * s * monomial[m];
-        byG[m] += w * p[2] * monomial[m];
-      }
-      if (!withStiffness) return;
       const Eigen::Map<const Vector6> x(monomial);
       const Vector6 ds = dS * x, dr = dR * x.head<kSmooth>(), de = r * ds + s * dr;
-      out.byMotion.noalias() -= (w * area * p[1]) * de * de.transpose();
-      out.byMotion.noalias() -= (w * area * p[0]) * (dr * ds.transpose() + ds * dr.transpose());
+      out.byMotion.noalias() -= (w * area * reading.dp[at]) * de * de.transpose();
+      out.byMotion.noalias() -= (w * area * p) * (dr * ds.transpose() + ds * dr.transpose());
       if (layerVaries) {
         const Vector6 dArea = dG * x.head<kSmooth>();
-        out.byMotion.noalias() -= (w * p[0]) * (dArea * de.transpose() + de * dArea.transpose());
+        out.byMotion.noalias() -= (w * p) * (dArea * de.transpose() + de * dArea.transpose());
       }
-    });
+    }
+    double weight[kStencil][3] = {};  // of each node's s, r and area times thickness
+    spreadSmooth<3>(byS, task.mask, weight[0]);
+    spreadSmooth<3>(byR, task.mask, weight[0] + 1);
+    spreadSmooth<3>(byG, task.mask, weight[0] + 2);
+    if ((task.mask & 16) != 0) {
+      weight[5][0] = weight[8][0] = 0.25 * byS[5];
+      weight[6][0] = weight[7][0] = -0.25 * byS[5];
+    }
     for (size_t n = 0; n < kStencil; ++n) {
       const int k = stencil[n];
       if (k < 0 || !grid.usable[k]) continue;
       double* g = memory.gradient.data() + static_cast<size_t>(kGradientStride) * static_cast<size_t>(k);
-      for (int m = 0; m < kMonomials; ++m) {
-        g[18] += T.T[m][n] * byS[m];
-        if (m >= kSmooth) continue;
-        g[19] += T.T[m][n] * byR[m];
-        g[20] += T.T[m][n] * byG[m];
-      }
+      for (int j = 0; j < 3; ++j) g[18 + j] += weight[n][j];
     }
   }
   forEachNode([&](int k, double* g) {

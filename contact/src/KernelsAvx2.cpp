@@ -1,5 +1,3 @@
-// Compiled for AVX2 and FMA, called only where the processor has them.
+// Compiled for AVX2 and fused multiply-add, called only where the processor has them.
 #define GENU_ISA avx2
-#include "detail/CellKernel.inl"
-#include "detail/FootKernel.inl"
-#include "detail/RayKernel.inl"
+#include "detail/Kernels.inl"

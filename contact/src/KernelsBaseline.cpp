@@ -1,4 +1,2 @@
 #define GENU_ISA baseline
-#include "detail/CellKernel.inl"
-#include "detail/FootKernel.inl"
-#include "detail/RayKernel.inl"
+#include "detail/Kernels.inl"

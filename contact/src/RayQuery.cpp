@@ -5,28 +5,16 @@
 #include <limits>
 
 #include "detail/BezierHull.h"
+#include "detail/Kernels.h"
 #include "detail/PatchKernel.h"
 #include "detail/SurfaceSearch.h"
 #include "detail/TrackedHit.h"
 
 namespace genu::contact {
 
-namespace detail {
-
-SolveRay activeSolveRay() {
-#ifdef GENU_X86_KERNELS
-  const SolveFoot foot = activeSolveFoot();
-  if (foot == avx512::solveFoot) return avx512::solveRay;
-  if (foot == avx2::solveFoot) return avx2::solveRay;
-#endif
-  return baseline::solveRay;
-}
-
-}  // namespace detail
-
 bool ContactSurface::Search::solveFastRay(const double* A, const double* n, SurfaceParameter& at, bool derivatives,
                                           detail::RayHit& hit, int& iterations, bool& safe) const {
-  const detail::SolveRay solve = detail::activeSolveRay();
+  const detail::SolveRay solve = detail::activeKernels().solveRay;
   hit.u = at.u;
   hit.v = at.v;
   constexpr int kHops = 4;

@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "detail/CellRule.h"
 #include "detail/ContactPairImpl.h"
 #include "detail/EnergyRule.h"
+#include "detail/Kernels.h"
 
 namespace genu::contact {
 
@@ -52,18 +54,16 @@ const StencilWeights& detail::stencilWeights(int mask) {
 
 const GradedRule* detail::gradedRules() {
   static const std::array<GradedRule, GradedRule::kLevels> table = [] {
-    // Gauss-Legendre on [0, 1].
-    constexpr int kHalf = GradedRule::kPoints / 2;
-    constexpr double u[kHalf] = {0.0337652428984240, 0.1693953067668677, 0.3806904069584016};
-    constexpr double w[kHalf] = {0.0856622461895852, 0.1803807865240693, 0.2339569672863455};
     std::array<GradedRule, GradedRule::kLevels> rules{};
     for (size_t level = 0; level < rules.size(); ++level) {
+      GradedRule& rule = rules[level];
       const double t = 0.5 * static_cast<double>(level + 1);
-      rules[level].largestRatio = std::sinh(t);
+      rule.largestRatio = std::sinh(t);
+      std::fill(std::begin(rule.x), std::end(rule.x), 0.5);
       for (int k = 0; k < GradedRule::kPoints; ++k) {
-        const double at = k < kHalf ? u[k] : 1 - u[GradedRule::kPoints - 1 - k];
-        rules[level].x[k] = std::sinh(t * at) / std::sinh(t);
-        rules[level].w[k] = w[k < kHalf ? k : GradedRule::kPoints - 1 - k] * t * std::cosh(t * at) / std::sinh(t);
+        const double at = Gauss<GradedRule::kPoints>::x[k] + 0.5;
+        rule.x[k] = std::sinh(t * at) / std::sinh(t);
+        rule.w[k] = Gauss<GradedRule::kPoints>::w[k] * t * std::cosh(t * at) / std::sinh(t);
       }
     }
     return rules;
@@ -79,14 +79,14 @@ bool detail::calcThicknessSlopeInM(const PairData& impl, const Compartment& c, c
     c.map->interpolate(foot.patch, foot.u, foot.v, dhdu, dhdv);
     slope = dhdu * row(foot.duvdQ) + dhdv * row(foot.duvdQ + 3);
   } else {
-    double clamped = std::abs(foot.p_MB[1] - impl.planeMovingY_m);
+    double clamped = std::abs(foot.calcFoot_m(1) - impl.planeMovingY_m);
     if (clampThickness(impl.definition.movingThickness, clamped)) return false;
     // B = Q - phi n, so dB_y/dQ = e_y - n_y n - phi H e_y, H = nu (x) ju + nv (x) jv.
     slope = Vec3::UnitY() - foot.normal[1] * row(foot.normal);
     if (foot.status == QueryStatus::converged) {
       slope -= foot.distance_m * (row(foot.nu) * foot.duvdQ[1] + row(foot.nv) * foot.duvdQ[4]);
     }
-    if (!(foot.p_MB[1] > impl.planeMovingY_m)) slope = -slope;
+    if (!(foot.calcFoot_m(1) > impl.planeMovingY_m)) slope = -slope;
   }
   std::copy(slope.data(), slope.data() + 3, out);
   return true;
@@ -116,6 +116,24 @@ bool calcThicknessSlopeOfRay(const PairData& impl, const Compartment& c, const T
 /** Nodes and cells of a block: blocks never depend on the number of threads, so neither do results. */
 constexpr int kNodesPerBlock = 64, kCellsPerBlock = 32;
 constexpr double kAlways = 1e300;  // a way that is never gone
+
+/** How far the polynomial through vectors at an element's nodes goes from the one at its centre, within the cell. */
+template <class At>
+double calcReach(const std::array<int, 9>& stencil, int mask, const At& at) {
+  double values[3][kStencil] = {}, coefficients[3][kMonomials];
+  for (size_t k = 0; k < kStencil; ++k) {
+    if (stencil[k] < 0) continue;
+    const double* vector = at(static_cast<size_t>(stencil[k]));
+    for (int axis = 0; axis < 3; ++axis) values[axis][k] = vector[axis];
+  }
+  for (int axis = 0; axis < 3; ++axis) calcCoefficients(values[axis], mask, coefficients[axis]);
+  double reach = 0;
+  for (int m = 1; m < kMonomials; ++m) {
+    const double x = coefficients[0][m], y = coefficients[1][m], z = coefficients[2][m];
+    reach += (m < 3 ? 0.5 : 0.25) * std::sqrt(x * x + y * y + z * z);
+  }
+  return reach;
+}
 
 /** How far apart two poses bring any point of a box: its farthest corner (the distance of an affine map is convex). */
 double calcLargestMotion(const std::array<Vec3, 8>& corner_F, const Pose& a, const Pose& b) {
@@ -182,7 +200,7 @@ class CellLaw {
 class SmoothEvaluation {
  public:
   SmoothEvaluation(const PairData& impl, const Compartment& c, const EvaluationTask& task, CompartmentMemory& memory, NetLoad& load)
-      : impl_(impl), c_(c), task_(task), kernels_(activeCellKernels()), R_MF_(task.X_FM.R.transpose()),
+      : impl_(impl), c_(c), task_(task), kernels_(activeKernels().cells), R_MF_(task.X_FM.R.transpose()),
         offset_M_(R_MF_ * task.X_FM.p), memory_(memory), stamp_(task.stamp), load_(load), law_(impl), byRay_(impl.definition.distance == DistanceMethod::ray) {
     grid_.stencil = c.stencil.data()->data();
     grid_.place = c.place.data();
@@ -209,30 +227,31 @@ class SmoothEvaluation {
   /** Finds the elements to look at and the nodes they need. Search modes query and test as they go. */
   void findCandidates() {
     memory_.tasks.clear();
-    memory_.nodes.clear();
+    memory_.numNodes = 0;
     memory_.candidates.clear();
     moveMarks();
     if (isSearch()) {
       search();
       if (impl_.definition.tracking == Tracking::breadthFirstUnguarded && !memory_.tasks.empty()) return;
     }
-    firstNode_ = memory_.nodes.size();
+    firstNode_ = memory_.numNodes;
     const Tracking tracking = impl_.definition.tracking;
     const bool exact = tracking != Tracking::all && tracking != Tracking::breadthFirstUnguarded;
     const double* mark_m = memory_.mark_m.data();
-    for (int e = 0; e < c_.elements; ++e) {
-      if (exact && mark_m[e] > memory_.way_m) continue;
+    const int numDue = kernels_.listDue(mark_m, c_.elements, exact ? memory_.way_m : std::numeric_limits<double>::infinity(), memory_.due.data());
+    for (int i = 0; i < numDue; ++i) {
+      const int e = memory_.due[static_cast<size_t>(i)];
       if (isSearch() && memory_.visit[static_cast<size_t>(e)] == stamp_) continue;
       if (exact && !byRay_ && -mark_m[e] <= memory_.way_m && isClear(e)) continue;
+      gatherNodes(e, memory_.candidates.empty() ? -2 : memory_.candidates.back());
       memory_.candidates.push_back(e);
-      gatherNodes(e);
     }
   }
 
   int numNodeBlocks() const { return (numNewNodes() + kNodesPerBlock - 1) / kNodesPerBlock; }
   void queryBlock(int block) {
     const size_t from = firstNode_ + static_cast<size_t>(block) * kNodesPerBlock;
-    query(from, std::min(from + kNodesPerBlock, memory_.nodes.size()));
+    query(from, std::min(from + kNodesPerBlock, memory_.numNodes));
   }
 
   /** Which candidates may be in contact. */
@@ -290,8 +309,8 @@ class SmoothEvaluation {
     findPeak();
   }
 
-  int numNewNodes() const { return static_cast<int>(memory_.nodes.size() - firstNode_); }
-  int numNodes() const { return static_cast<int>(memory_.nodes.size()); }
+  int numNewNodes() const { return static_cast<int>(memory_.numNodes - firstNode_); }
+  int numNodes() const { return static_cast<int>(memory_.numNodes); }
   void addStiffness(Matrix6& byMotion, Matrix6& byRate) const {
     using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
     byMotion += gradient_.byMotion + Eigen::Map<const Rows>(stiffness_.byMotion).leftCols<6>();
@@ -299,7 +318,10 @@ class SmoothEvaluation {
   }
 
  private:
-  Vec3 locate(int node) const { return R_MF_ * c_.p_FA[static_cast<size_t>(node)] - offset_M_; }
+  Vec3 locate(int node) const { return R_MF_ * Eigen::Map<const Vec3>(grid_.place + kPlaceStride * node) - offset_M_; }
+  static void prefetch(const void* from, size_t bytes) {
+    for (size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<const char*>(from) + i);
+  }
   bool isGradient() const { return impl_.definition.correction == Correction::energy; }
   bool integratesStiffness() const { return task_.withStiffness && !isGradient(); }
   bool isSearch() const {
@@ -309,12 +331,20 @@ class SmoothEvaluation {
 
   // -- distance at nodes ----------------------------------------------------------------------------------------
 
-  void gatherNodes(int e) {
-    for (const int k : c_.stencil[static_cast<size_t>(e)]) {
-      if (k < 0 || memory_.nodeVisit[static_cast<size_t>(k)] == stamp_) continue;
+  /** Nodes of an element that are not known yet; those of element `before` are. */
+  void gatherNodes(int e, int before) {
+    const auto& stencil = c_.stencil[static_cast<size_t>(e)];
+    unsigned fresh = before == e - 1 ? c_.freshNodes[static_cast<size_t>(e)] : 511;
+    size_t count = memory_.numNodes;
+    for (; fresh != 0; fresh &= fresh - 1) {
+      const int k = stencil[static_cast<size_t>(__builtin_ctz(fresh))];
+      if (k < 0) continue;
+      // Whether a node is new can not be foretold: no branch.
+      memory_.nodes[count] = k;
+      count += memory_.nodeVisit[static_cast<size_t>(k)] != stamp_;
       memory_.nodeVisit[static_cast<size_t>(k)] = stamp_;
-      memory_.nodes.push_back(k);
     }
+    memory_.numNodes = count;
   }
 
   /** Feet and fields of memory_.nodes[from .. to). */
@@ -322,6 +352,11 @@ class SmoothEvaluation {
     const int* nodes = memory_.nodes.data() + from;
     double* Q = memory_.query.data() + 3 * from;
     const int count = static_cast<int>(to - from);
+    for (int i = 0; i < count; ++i) {  // what the phases below read
+      const auto k = static_cast<size_t>(nodes[i]);
+      prefetch(&memory_.feet[k], sizeof(TrackedFoot));
+      prefetch(grid_.place + kPlaceStride * k, sizeof(double) * kPlaceStride);
+    }
     for (int i = 0; i < count; ++i) {
       const Vec3 p_MA = locate(nodes[i]);
       std::copy(p_MA.data(), p_MA.data() + 3, Q + 3 * i);
@@ -334,13 +369,13 @@ class SmoothEvaluation {
       if (byRay_) {
         const TrackedHit& hit = memory_.hits[k];
         const bool isHit = hit.status == HitStatus::hit;
-        const double hM = isHit ? calcMovingThickness(hit.p_MC, {hit.patch, hit.u, hit.v}) : 0;
+        const double hM = isHit ? calcMovingThickness(hit.p_MC[1], {hit.patch, hit.u, hit.v}) : 0;
         memory_.field[k].hM_m = hM;
         memory_.usable[k] = isHit && !std::isnan(hM);
         continue;
       }
       const TrackedFoot& foot = memory_.feet[k];
-      const double hM = calcMovingThickness(foot.p_MB, {foot.patch, foot.u, foot.v});
+      const double hM = calcMovingThickness(foot.calcFoot_m(1), {foot.patch, foot.u, foot.v});
       memory_.field[k].hM_m = hM;
       // Beyond the border there is no material: the gap is not known there.
       memory_.usable[k] = foot.status == QueryStatus::converged && !std::isnan(hM);
@@ -363,12 +398,12 @@ class SmoothEvaluation {
     }
   }
 
-  double calcMovingThickness(const double p_M[3], const SurfaceParameter& at) const {
+  double calcMovingThickness(double y_m, const SurfaceParameter& at) const {
     switch (impl_.movingLayer) {
       case MovingLayer::none: break;
       case MovingLayer::constant: return impl_.constantMoving_m;
       case MovingLayer::plane: {
-        double h = std::abs(p_M[1] - impl_.planeMovingY_m);
+        double h = std::abs(y_m - impl_.planeMovingY_m);
         clampThickness(impl_.definition.movingThickness, h);
         return h;
       }
@@ -390,7 +425,8 @@ class SmoothEvaluation {
 
   /** What the queried elements' own nodes tell, for the status. */
   void countNodes() {
-    for (const int node : memory_.nodes) {
+    for (size_t i = 0; i < memory_.numNodes; ++i) {
+      const int node = memory_.nodes[i];
       if (node >= c_.elements) continue;
       const auto k = static_cast<size_t>(node);
       const TrackedFoot& foot = memory_.feet[k];
@@ -427,23 +463,32 @@ class SmoothEvaluation {
     memory_.hasLast = true;
   }
 
+  /** 1 / largestGain, a hair less. */
+  static double perGain(int mask) { return mask == kAllNeighbors ? (1 - 1e-9) / kFullGain : (1 - 1e-9) / kEdgeGain; }
   /** No node's s changes faster than it moves, and the polynomial by at most largestGain times that. Positive marks: no contact
    before this way; negative ones: contact at least until then, as far as its bound can tell. */
   void setMark(size_t element, double bound, int mask) {
-    const double way_m = (1 - 1e-9) * std::abs(bound) / largestGain(mask) + memory_.way_m;
+    const double way_m = std::abs(bound) * perGain(mask) + memory_.way_m;
     memory_.mark_m[element] = bound <= 0 ? way_m : -way_m;
   }
 
-  /** True when an element's last test tells that it cannot be in contact. A shift of all nodes by the same amount along the normal
-   shifts the polynomial by just that. */
+  /** True when an element's last test tells that it cannot be in contact.
+   Since then its node k has moved by t + D (A_k - A), t the way of its centre A and D = R_MF - (R_MF then). To first order its s
+   changes by -n_k.t - n_k.D (A_k - A). The polynomial through the n_k stays within `spread` of n in the cell, the one through the
+   A_k - A within `cellReach`: its change is at most -n.t + spread |t| + |D^T n| cellReach. What the first order leaves out, with the
+   largest curvature K around, is at most K/2 |way|^2 and, of n_k - n in the last term, K |D| stencilReach^2 at every node. */
   bool isClear(int e) {
     const auto i = static_cast<size_t>(e);
     const ElementLook& look = memory_.look[i];
     const Vec3 shift = locate(e) - Eigen::Map<const Vec3>(look.p_MA);
-    const double lever_m = (memory_.turn - look.turn) * c_.stencilReach_m;
+    const double shift_m = shift.norm(), turn = memory_.turn - look.turn, way_m = shift_m + turn * c_.stencilReach_m;
+    if (!(way_m < look.reach_m)) return false;
+    const Eigen::Map<const Vec3> n_M(look.normal_M);
+    const double tilt = (task_.X_FM.R * n_M - Eigen::Map<const Vec3>(look.normal_F)).norm();
+    // The Hessian of the distance, at a distance d from a surface of radius R, is at most 1/(R - d).
+    const double rest_m = (0.5 * way_m * way_m + turn * c_.stencilReach_m * c_.stencilReach_m) / (look.radius_m - c_.stencilReach_m - way_m);
     const int mask = c_.neighbors[i];
-    const double error_m = c_.predictor->calcError(memory_.feet[i], c_.stencilReach_m, look.spread, shift.norm(), lever_m);
-    const double bound = look.bound_m - shift.dot(Eigen::Map<const Vec3>(look.normal)) + largestGain(mask) * error_m;
+    const double bound = look.bound_m - shift.dot(n_M) + look.spread * shift_m + tilt * c_.cellReach_m[i] + largestGain(mask) * rest_m;
     if (!(bound < 0)) return false;
     setMark(i, bound, mask);
     return true;
@@ -470,13 +515,7 @@ class SmoothEvaluation {
       next += isTask;
       if (mask == c_.neighbors[e] && !byRay_) {
         setMark(e, bound, mask);
-        ElementLook& look = memory_.look[e];
-        const TrackedFoot& foot = memory_.feet[e];
-        look.bound_m = bound;
-        std::copy(foot.Q, foot.Q + 3, look.p_MA);
-        std::copy(foot.normal, foot.normal + 3, look.normal);
-        look.turn = memory_.turn;
-        look.spread = bound < shallow_m ? calcSpread(e) : 2;  // of deep cells it will not matter soon
+        setLook(e, bound < shallow_m, bound);  // a deep one will not be clear soon
       } else {
         const double nearest_m = findNearest(e);
         if (nearest_m > reach_m) {
@@ -491,17 +530,27 @@ class SmoothEvaluation {
     return static_cast<int>(kept - before);
   }
 
-  double calcSpread(size_t element) const {
-    const auto& stencil = c_.stencil[element];
-    const double* center = memory_.feet[element].normal;
-    double largest = 0;
-    for (const int k : stencil) {
-      if (k < 0) continue;
-      const double* n = memory_.feet[static_cast<size_t>(k)].normal;
-      const double x = n[0] - center[0], y = n[1] - center[1], z = n[2] - center[2];
-      largest = std::max(largest, x * x + y * y + z * z);
+  void setLook(size_t element, bool canTell, double bound_m) {
+    ElementLook& look = memory_.look[element];
+    look.reach_m = 0;
+    if (!canTell) return;
+    const TrackedFoot& foot = memory_.feet[element];
+    look.bound_m = bound_m;
+    std::copy(foot.Q, foot.Q + 3, look.p_MA);
+    std::copy(foot.normal, foot.normal + 3, look.normal_M);
+    Eigen::Map<Vec3>(look.normal_F) = task_.X_FM.R * Eigen::Map<const Vec3>(foot.normal);
+    look.turn = memory_.turn;
+    look.spread = calcReach(c_.stencil[element], c_.neighbors[element], [&](size_t k) { return memory_.feet[k].normal; });
+    double margin_m = c_.predictor->calcBorderMargin_m(foot) - c_.stencilReach_m;
+    if (margin_m < c_.stencilReach_m) {  // near a border: from each node
+      margin_m = kAlways;
+      for (const int k : c_.stencil[element]) {
+        if (k >= 0) margin_m = std::min(margin_m, c_.predictor->calcBorderMargin_m(memory_.feet[static_cast<size_t>(k)]));
+      }
     }
-    return std::sqrt(largest);
+    const double distance_m = std::abs(foot.distance_m);
+    look.reach_m = std::min(margin_m, c_.predictor->safe_m() - distance_m - c_.stencilReach_m);
+    look.radius_m = c_.predictor->leastRadius_m() - distance_m;
   }
 
   /** Least signed distance of an element's nodes; -infinity where one is not known. */
@@ -524,9 +573,9 @@ class SmoothEvaluation {
       memory_.visit[static_cast<size_t>(start)] = stamp_;
       for (size_t head = 0; head < memory_.queue.size(); ++head) {
         const int e = memory_.queue[head];
-        const size_t from = memory_.nodes.size();
-        gatherNodes(e);
-        query(from, memory_.nodes.size());
+        const size_t from = memory_.numNodes;
+        gatherNodes(e, -2);
+        query(from, memory_.numNodes);
         if (test(&e, 1) == 0) continue;
         for (const int next : c_.stencil[static_cast<size_t>(e)]) {
           if (next < 0 || next >= c_.elements || memory_.visit[static_cast<size_t>(next)] == stamp_) continue;
@@ -606,6 +655,8 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
   }
   c.stencilReach_m = 0;
   c.neighbors.resize(c.size());
+  c.freshNodes.resize(c.size());
+  c.cellReach_m.resize(c.size());
   for (size_t e = 0; e < c.size(); ++e) {
     int mask = 0, corners = 0;
     for (size_t k = 1; k < 9; ++k) {
@@ -614,6 +665,14 @@ void ContactPair::Impl::packCompartment(Compartment& c) {
       k < 5 ? mask |= 1 << (k - 1) : ++corners;
     }
     c.neighbors[e] = static_cast<unsigned char>(corners == 4 ? mask | 16 : mask);
+    c.cellReach_m[e] = calcReach(c.stencil[e], c.neighbors[e], [&](size_t k) { return c.p_FA[k].data(); });
+    unsigned fresh = 0;
+    for (size_t k = 0; k < 9; ++k) {
+      const int node = c.stencil[e][k];
+      const bool known = node < 0 || (e > 0 && std::find(c.stencil[e - 1].begin(), c.stencil[e - 1].end(), node) != c.stencil[e - 1].end());
+      if (!known) fresh |= 1u << k;
+    }
+    c.freshNodes[e] = static_cast<std::uint16_t>(fresh);
   }
 }
 
@@ -637,10 +696,11 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   m.adjoint.resize(kAdjointStride * nodes);
   if (definition.correction == Correction::energy) m.gradient.resize(kGradientStride * nodes);
   m.touched.resize((nodes + 63) / 64);
-  m.nodes.reserve(nodes);
+  m.nodes.resize(nodes + 1);  // one is written past the last
   m.query.resize(3 * nodes);
   m.look.resize(n);
   m.candidates.reserve(n);
+  m.due.resize(n);
   m.candidateMask.resize(n);
   m.candidateBound.resize(n);
   m.tasks.reserve(n + 1);
@@ -694,7 +754,7 @@ void ContactPair::Impl::evaluateSmooth(std::vector<CompartmentMemory>& memory, E
     group.count = std::min(Group::kGroup, compartments.size() - from);
     size_t lastQueries = 0;
     for (size_t k = 0; k < group.count; ++k) {
-      lastQueries += memory[from + k].nodes.size();
+      lastQueries += memory[from + k].numNodes;
       group.evaluations[k].emplace(*this, compartments[from + k], task, memory[from + k], task.loads[from + k]);
     }
     // As much to do as last time, or everything on a first one.
@@ -737,7 +797,7 @@ void ContactPair::Impl::findActive(const Compartment& c, const CompartmentMemory
       if (node < 0 || (cell[4 * n] == 0 && cell[4 * n + 1] == 0)) continue;
       const double* load = memory.load.data() + kLoadStride * node;
       a.force_N += cell[4 * n] * load[6];
-      area += cell[4 * n + 1] * load[11];
+      area += cell[4 * n + 1] * c.area_m2[static_cast<size_t>(node)];
     }
     a.share = area / c.area_m2[k];
     a.h_m = f.h_m;

@@ -1,8 +1,7 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
-#include "detail/DistancePredictor.h"
+#include "detail/Kernels.h"
 #include "detail/PatchKernel.h"
 #include "detail/SurfaceSearch.h"
 #include "detail/TrackedFoot.h"
@@ -36,74 +35,56 @@ void setDerivatives(const NurbsPatch& patch, const SurfaceDerivatives& d, Tracke
   copy(scale * (bv - n * n.dot(bv)), foot.nv);
 }
 
-}  // namespace
-
-DistancePredictor::DistancePredictor(const ContactSurface& surface) {
-  // Feet are unique within `safe`, half of the smallest medial-ball radius: no normal curvature exceeds 1/(2 safe), and that
-  // of the parallel surfaces up to there, the Hessian of the distance, 1/safe.
-  safe_m_ = std::min(surface.safeDistanceInside_m(), surface.safeDistanceOutside_m());
-  largestCurvature_perM_ = 1 / safe_m_;
-  const auto& search = SurfaceAccess::search(surface);
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  for (size_t k = 0; k < search.tables.size(); ++k) {
-    const PatchTables& t = search.tables[k];
-    Borders b = {-kInfinity, kInfinity, -kInfinity, kInfinity, false};
-    const auto& links = search.links[k];
-    if (!t.u.closed && links[0].patch < 0) b.u0 = t.u.lo;
-    if (!t.u.closed && links[1].patch < 0) b.u1 = t.u.hi;
-    if (!t.v.closed && links[2].patch < 0) b.v0 = t.v.lo;
-    if (!t.v.closed && links[3].patch < 0) b.v1 = t.v.hi;
-    b.open = b.u0 != -kInfinity || b.u1 != kInfinity || b.v0 != -kInfinity || b.v1 != kInfinity;
-    borders_.push_back(b);
+/** One foot: across patches, from far away, on a border or at a pole. */
+void trackFoot(const ContactSurface& surface, const SurfaceAccess::Search& search, const double* q, const TrackedFoot* before,
+               TrackedFoot& foot, FootDerivatives derivatives) {
+  const TrackedFoot* memory = foot.patch >= 0 ? &foot : before;
+  SurfaceParameter seed;
+  if (memory != nullptr) {
+    const double x = q[0] - memory->Q[0], y = q[1] - memory->Q[1], z = q[2] - memory->Q[2];
+    const double* j = memory->duvdQ;
+    seed = {memory->patch, memory->u + j[0] * x + j[1] * y + j[2] * z, memory->v + j[3] * x + j[4] * y + j[5] * z};
+    SurfaceParameter at = seed;
+    FootSearch fast{};
+    if (search.solveFast(q, at, derivatives, foot, fast) && search.isSafe(foot.distance_m)) {
+      foot.patch = at.patch;
+      foot.status = QueryStatus::converged;
+      std::copy(q, q + 3, foot.Q);
+      return;
+    }
+  }
+  const Vec3 p_MQ(q[0], q[1], q[2]);
+  const ClosestPoint found = surface.findClosestPoint(p_MQ, seed.patch >= 0 ? &seed : nullptr);
+  foot.patch = found.at.patch;
+  foot.u = found.at.u;
+  foot.v = found.at.v;
+  foot.distance_m = found.distance_m;
+  foot.status = found.status;
+  copy(p_MQ, foot.Q);
+  copy(found.normal_M, foot.normal);
+  if (foot.patch >= 0) {
+    SurfaceDerivatives d;
+    const NurbsPatch& patch = surface.patch(foot.patch);
+    evaluatePatch(patch, foot.u, foot.v, d);
+    setDerivatives(patch, d, foot);
   }
 }
 
-void DistancePredictor::restrict(int patch, const std::array<double, 4>& uv) {
-  Borders& b = borders_[static_cast<size_t>(patch)];
-  b = {std::max(b.u0, uv[0]), std::min(b.u1, uv[1]), std::max(b.v0, uv[2]), std::min(b.v1, uv[3]), true};
-}
+}  // namespace
 
 void trackFeet(const ContactSurface& surface, const double* Q, const int* ids, int count, TrackedFoot* feet, FootDerivatives derivatives) {
   const auto& search = SurfaceAccess::search(surface);
-  const TrackedFoot* last = nullptr;
-  for (int i = 0; i < count; ++i) {
-    TrackedFoot& foot = feet[ids[i]];
-    const double* q = Q + 3 * i;
-    // A foot without memory borrows that of the one before it.
-    const TrackedFoot* memory = foot.patch >= 0 ? &foot : last;
-    SurfaceParameter seed;
-    if (memory != nullptr) {
-      const double x = q[0] - memory->Q[0], y = q[1] - memory->Q[1], z = q[2] - memory->Q[2];
-      const double* j = memory->duvdQ;
-      seed = {memory->patch, memory->u + j[0] * x + j[1] * y + j[2] * z, memory->v + j[3] * x + j[4] * y + j[5] * z};
-      SurfaceParameter at = seed;
-      double residual = 0;
-      int iterations = 0;
-      if (search.solveFast(q, at, derivatives, foot, residual, iterations) && search.isSafe(foot.distance_m)) {
-        foot.patch = at.patch;
-        foot.status = QueryStatus::converged;
-        std::copy(q, q + 3, foot.Q);
-        last = &foot;
-        continue;
-      }
+  const SolveFeet solveFeet = activeKernels().solveFeet;
+  for (int from = 0; from < count; from += kFeetAtOnce) {
+    int left[kFeetAtOnce];
+    const int numLeft = solveFeet(search.tables.data(), search.safeInside, search.safeOutside, Q + 3 * from, ids + from,
+                                  std::min(kFeetAtOnce, count - from), derivatives, feet, left);
+    for (int k = 0; k < numLeft; ++k) {
+      const int i = from + left[k];
+      // A foot without memory borrows that of the one before it.
+      const TrackedFoot* before = i > 0 && feet[ids[i - 1]].patch >= 0 ? &feet[ids[i - 1]] : nullptr;
+      trackFoot(surface, search, Q + 3 * i, before, feet[ids[i]], derivatives);
     }
-    const Vec3 p_MQ(q[0], q[1], q[2]);
-    const ClosestPoint found = surface.findClosestPoint(p_MQ, seed.patch >= 0 ? &seed : nullptr);
-    foot.patch = found.at.patch;
-    foot.u = found.at.u;
-    foot.v = found.at.v;
-    foot.distance_m = found.distance_m;
-    foot.status = found.status;
-    copy(p_MQ, foot.Q);
-    copy(found.p_MB, foot.p_MB);
-    copy(found.normal_M, foot.normal);
-    if (foot.patch >= 0) {
-      SurfaceDerivatives d;
-      const NurbsPatch& patch = surface.patch(foot.patch);
-      evaluatePatch(patch, foot.u, foot.v, d);
-      setDerivatives(patch, d, foot);
-    }
-    last = foot.patch >= 0 ? &foot : nullptr;
   }
 }
 

@@ -22,7 +22,7 @@
 
 #include "benchmarks/KneeScene.h"
 #include "contact/SplitPatch.h"
-#include "detail/FootKernel.h"
+#include "detail/Kernels.h"
 #include "genu/contact/ErrorEstimate.h"
 #ifdef GENU_WITH_THREADS
 #include "genu/contact/Threads.h"

@@ -1,7 +1,7 @@
 // How smooth and how right the contact force is while the grid stays where it is and the bodies move.
 //   build/release/bin/smoothness_table [--quick] [--scene TEXT] [--csv FILE] [--plot FILE.png]
-// Scenes: a sphere on a flat layer, whose force is known; a condyle (bicubic, 15 x 20 control points) on a dish; both pressed to
-// 1500 N; and one compartment like a natural knee's (cartilage on both bodies, thickness maps, logarithmic law) at 500 N.
+// Scenes, all pressed to 1500 N: a sphere on a flat layer, whose force is known; a condyle (bicubic, 15 x 20 control points) on a
+// dish; and one compartment like a natural knee's (cartilage on both bodies, thickness maps, logarithmic law).
 // Motions: 2 mm anterior-posterior slide in 1 um steps at constant height, and 1 mm approach from first touch. For every rule and
 // grid, over 3 x 3 shifts of the grid by thirds of a cell:
 //   bias        mean(F / F_ref - 1)
@@ -33,6 +33,8 @@ using namespace genu::contact::test;
 
 constexpr int kDegree = 22;
 constexpr double kHalf_m = 0.0155;      // contact stays inside the grid at 1 mm depth, shifted or not; checked
+constexpr double kNaturalHalf_m = 0.020;  // cartilage is softer
+constexpr double kForce_N = 1500;
 constexpr double kCondyleX_m = -0.0052;  // about where the condyle touches the dish
 
 using Series = std::vector<double>;
@@ -73,10 +75,9 @@ class ChebyshevFit {
 struct Scene {
   std::string name;
   std::function<ContactPairDefinition(int n, double shiftX, double shiftZ)> make;
-  JointCoordinates pose;                           // y at force_N is found
+  JointCoordinates pose;                           // y at kForce_N is found
   std::function<double(double y)> exact;           // absent: 240 x 240
   std::vector<int> grids;
-  double force_N = 1500;
 };
 
 /** Force, and stiffness dF/dy when asked for, along a motion. */
@@ -199,14 +200,13 @@ int main(int argc, char** argv) {
   }
   scenes.push_back({"natural knee, one compartment, logarithmic",
                     [&](int n, double x, double z) {
-                      auto d = makeScene(dish, condyle, aboveZero(), cartilage(), kHalf_m, n, kCondyleX_m + x, z);
+                      auto d = makeScene(dish, condyle, aboveZero(), cartilage(), kNaturalHalf_m, n, kCondyleX_m + x, z);
                       makeNatural(d, {0.0});
                       return d;
                     },
                     {0.01, 0.02, 0.2, -0.001, 0, 0.0002},
                     {},
-                    {30},
-                    500});
+                    {30}});
   {
     const double D = 5e-4, K = uhmwpe().confinementFactor() * uhmwpe().E_Pa, closed = kPi * K * D * D / h * (R - 2 * D / 3);
     const double integral = integrateSphere(makePressureLaw(uhmwpe(), StrainMeasure::small), R, h, h + R - D);
@@ -230,7 +230,7 @@ int main(int argc, char** argv) {
     const ContactPair reference(scene.make(240, 0, 0));
     JointCoordinates middle = scene.pose;
     middle[3] = 0;
-    scene.pose[4] = findHeight(reference, middle, scene.force_N);
+    scene.pose[4] = findHeight(reference, middle, kForce_N);
     JointCoordinates approach = middle;
     approach[4] = findHeight(reference, middle, 1e-3);  // first touch
     Series slideRef, approachRef;
@@ -254,7 +254,8 @@ int main(int argc, char** argv) {
       }
     }
     const double meanSlide = mean(slideRef), meanDown = mean(approachRef);
-    std::printf("\n%s, %.0f N, 31 x 31 mm grid; reference: %s\n", scene.name.c_str(), scene.force_N,
+    const CompartmentDefinition& grid = reference.definition().compartments[0];
+    std::printf("\n%s, %.0f N, grid %.0f mm wide; reference: %s\n", scene.name.c_str(), kForce_N, 1e3 * (grid.x1_m - grid.x0_m),
                 scene.exact ? "radial integral" : "240 x 240, smooth rule");
     std::printf("%-8s %-9s %5s %7s %11s %11s %11s %11s\n", "motion", "rule", "n", "active", "bias", "rms", "roughness", "K rough");
     for (const bool smooth : {true, false}) {

@@ -8,13 +8,14 @@
 
 #include "contact/SplitPatch.h"
 #include "contact/TestSurfaces.h"
-#include "detail/FootKernel.h"
+#include "detail/Kernels.h"
 #include "detail/TrackedFoot.h"
 #include "genu/contact/ContactSurface.h"
 
 namespace genu::contact {
 namespace {
 
+using detail::FootDerivatives;
 using detail::TrackedFoot;
 
 ContactSurface makeSurface(const NurbsPatchData& data) {
@@ -61,10 +62,11 @@ TEST_P(Feet, EveryInstructionSetGivesTheSameFoot) {
   EXPECT_TRUE(detail::forceInstructionSet(nullptr));
 }
 
-TEST_P(Feet, TrackedEqualsColdWhileThePointsWander) {
-  const ContactSurface surface = makeSurface(test::makeCondyle(GetParam()));
+/** Feet of wandering points, spread over a part of the surface: many share a knot span (side by side in the lanes of vectors) or few do. */
+void compareWithCold(const ContactSurface& surface, double part, FootDerivatives derivatives) {
   std::mt19937 random(6);
-  std::uniform_real_distribution<double> u(0.05, 0.95), v(-0.9, 0.9), depth(-0.002, 0.004), exponent(-8, -3);
+  std::uniform_real_distribution<double> u(0.5 - 0.45 * part, 0.5 + 0.45 * part), v(-0.9 * part, 0.9 * part), depth(-0.002, 0.004),
+      exponent(-8, -3);
   std::normal_distribution<double> unit(0, 1);
   constexpr int kCount = 200;
   std::vector<double> Q;
@@ -76,7 +78,7 @@ TEST_P(Feet, TrackedEqualsColdWhileThePointsWander) {
   }
   std::vector<TrackedFoot> feet = makeFeet(kCount);
   for (int step = 0; step < 60; ++step) {
-    detail::trackFeet(surface, Q.data(), ids.data(), kCount, feet.data());
+    detail::trackFeet(surface, Q.data(), ids.data(), kCount, feet.data(), derivatives);
     for (size_t i = 0; i < kCount; ++i) {
       const TrackedFoot& foot = feet[static_cast<size_t>(ids[i])];
       const Vec3 q(Q[3 * i], Q[3 * i + 1], Q[3 * i + 2]);
@@ -85,13 +87,64 @@ TEST_P(Feet, TrackedEqualsColdWhileThePointsWander) {
       ASSERT_NEAR(foot.distance_m, cold.distance_m, 1e-14);
       if (foot.status != QueryStatus::converged) continue;
       const auto d = surface.patch(foot.patch).evaluate(foot.u, foot.v);
-      const Vec3 B(foot.p_MB[0], foot.p_MB[1], foot.p_MB[2]);
-      ASSERT_LT((d.S - B).norm(), 1e-15);  // the Taylor step agrees with an evaluation
+      const Vec3 B(foot.calcFoot_m(0), foot.calcFoot_m(1), foot.calcFoot_m(2)), normal(foot.normal[0], foot.normal[1], foot.normal[2]);
+      ASSERT_EQ(q, Vec3(foot.Q[0], foot.Q[1], foot.Q[2]));
+      ASSERT_NEAR((d.S - B).dot(normal), 0, 1e-15);  // the Taylor step agrees with an evaluation
+      ASSERT_LT((d.S - B).norm(), 1.5e-13);          // the residual
       ASSERT_LE(std::abs((d.S - q).dot(d.Su)), 1.01e-13 * d.Su.norm());
       ASSERT_LE(std::abs((d.S - q).dot(d.Sv)), 1.01e-13 * d.Sv.norm());
     }
     const double length = std::pow(10, exponent(random));  // from 10 nm to 1 mm
     for (double& x : Q) x += 0.5 * length * unit(random);
+  }
+}
+
+TEST_P(Feet, TrackedEqualsColdWhileThePointsWander) {
+  const ContactSurface surface = makeSurface(test::makeCondyle(GetParam()));
+  for (const char* name : {"baseline", "avx2", "avx512"}) {
+    if (!detail::forceInstructionSet(name)) continue;
+    for (const double part : {1.0, 0.2}) {
+      SCOPED_TRACE(std::string(name) + " " + std::to_string(part));
+      compareWithCold(surface, part, FootDerivatives::first);
+    }
+  }
+  EXPECT_TRUE(detail::forceInstructionSet(nullptr));
+}
+
+TEST(FeetInLanes, BesideEachOtherOrAloneTheyAreTheSame) {
+  // One at a time, the vectors' lanes are not used; together they are. Derivatives of a converged foot to a few roundings.
+  std::mt19937 random(16);
+  std::uniform_real_distribution<double> u(0.45, 0.55), v(-0.1, 0.1), depth(-0.002, 0.004);
+  for (const bool rational : {false, true}) {
+    const ContactSurface surface = makeSurface(test::makeCondyle(rational));
+    constexpr int kCount = 100;
+    std::vector<double> Q;
+    std::vector<int> ids;
+    for (int i = 0; i < kCount; ++i) {
+      const Vec3 p = pointBeside(surface.patch(0), u(random), v(random), depth(random));
+      Q.insert(Q.end(), {p.x(), p.y(), p.z()});
+      ids.push_back(i);
+    }
+    std::vector<TrackedFoot> together = makeFeet(kCount), alone = makeFeet(kCount);
+    for (int pass = 0; pass < 3; ++pass) {
+      detail::trackFeet(surface, Q.data(), ids.data(), kCount, together.data());
+      for (int i = 0; i < kCount; ++i) detail::trackFeet(surface, Q.data() + 3 * i, &ids[static_cast<size_t>(i)], 1, alone.data());
+      for (size_t i = 0; i < kCount; ++i) {
+        const TrackedFoot &a = together[i], &b = alone[i];
+        ASSERT_EQ(a.status, b.status);
+        ASSERT_EQ(a.patch, b.patch);
+        ASSERT_NEAR(a.distance_m, b.distance_m, 1e-15);
+        // Both feet lie within 2e-13 m of each other, on radii of 10 mm and more; second derivatives are those at the start of the last
+        // step, up to 3e-8 m away.
+        for (int k = 0; k < 3; ++k) {
+          ASSERT_NEAR(a.normal[k], b.normal[k], 1e-10);
+          ASSERT_NEAR(a.nu[k], b.nu[k], 1e-5);
+          ASSERT_NEAR(a.nv[k], b.nv[k], 1e-5);
+        }
+        for (int k = 0; k < 6; ++k) ASSERT_NEAR(a.duvdQ[k], b.duvdQ[k], 1e-4);  // of 30, over 3e-8 m
+      }
+      for (double& x : Q) x += 1e-5;
+    }
   }
 }
 
@@ -148,7 +201,7 @@ TEST(PatchBorders, ASplitCondyleHasTheDistanceOfTheWholeOne) {
       ASSERT_NEAR(feet[0].distance_m, depth, 1e-13) << pieces << " " << i;
       const ClosestPoint expected = surface.findClosestPoint(q);
       ASSERT_NEAR(feet[0].distance_m, expected.distance_m, 1e-13);
-      ASSERT_LT((expected.p_MB - Vec3(feet[0].p_MB[0], feet[0].p_MB[1], feet[0].p_MB[2])).norm(), 1e-12);
+      ASSERT_LT((expected.p_MB - Vec3(feet[0].calcFoot_m(0), feet[0].calcFoot_m(1), feet[0].calcFoot_m(2))).norm(), 1e-12);
       crossings += last >= 0 && feet[0].patch != last;
       last = feet[0].patch;
     }

@@ -9,7 +9,7 @@
 #include "contact/Scenes.h"
 #include "contact/SplitPatch.h"
 #include "contact/TestSurfaces.h"
-#include "detail/FootKernel.h"
+#include "detail/Kernels.h"
 #include "detail/TrackedHit.h"
 
 namespace genu::contact {

@@ -4,6 +4,7 @@
 #include <random>
 
 #include "../../contact/src/detail/CellRule.h"
+#include "../../contact/src/detail/Kernels.h"
 #include "../../contact/src/detail/PressureTable.h"
 #include "contact/Scenes.h"
 #include "contact/TestSurfaces.h"
@@ -51,9 +52,9 @@ TEST(CellRule, AreaMomentsOfRandomRegions) {
     const double curvature = i % 3 == 0 ? 4.0 : i % 3 == 1 ? 0.5 : 0.02;
     const double S[kMonomials] = {0.4 * unit(random),          unit(random),          unit(random),
                                   curvature * unit(random), curvature * unit(random), curvature * unit(random)};
-    double expected[kMoments], area[kMoments];
+    double expected[kMoments], area[16];
     calcAreaByManyLines(S, expected);
-    calcRimArea(S, area);
+    activeKernels().cells.calcRimArea(S, area);
     // Five Gauss points on an analytic piece converge with the distance to the turn of the rim: strongly curved cells (4: the gap
     // bends by itself within a cell) are far beyond any sensible grid, 0.02 is that of a knee at 30 x 30.
     const double tolerance = curvature > 1 ? 5e-4 : curvature > 0.1 ? 2e-5 : 1e-7;
@@ -66,13 +67,28 @@ TEST(CellRule, AreaMomentsOfRandomRegions) {
 TEST(CellRule, FullAndEmptyCells) {
   const double inside[kMonomials] = {1, 0.2, -0.3, 0.1, 0.1, 0.05};
   ASSERT_GT(lowerBound(inside), 0);
-  double area[kMoments];
-  calcRimArea(inside, area);  // must agree with the closed form that full cells use
+  double area[16];
+  activeKernels().cells.calcRimArea(inside, area);  // must agree with the closed form that full cells use
   for (int k = 0; k < kMoments; ++k) EXPECT_NEAR(area[k], kFullArea[k], 1e-15);
   const double outside[kMonomials] = {-1, 0.2, -0.3, 0.1, 0.1, 0.05};
   ASSERT_LT(upperBound(outside), 0);
-  calcRimArea(outside, area);
+  activeKernels().cells.calcRimArea(outside, area);
   for (int k = 0; k < kMoments; ++k) EXPECT_EQ(area[k], 0);
+}
+
+TEST(CellRule, PointRulesAreExactToTheirDegree) {
+  const auto check = [](const PointRule& rule, int degree) {
+    for (int a = 0; a <= degree; ++a) {
+      for (int b = 0; a + b <= degree; ++b) {
+        double sum = 0;
+        for (int i = 0; i < rule.used; ++i) sum += rule.w[i] * std::pow(rule.xi[i], a) * std::pow(rule.eta[i], b);
+        const auto moment = [](int k) { return k % 2 == 1 ? 0 : std::pow(0.5, k) / (k + 1); };
+        EXPECT_NEAR(sum, moment(a) * moment(b), 1e-15) << a << " " << b;
+      }
+    }
+  };
+  check(kRadonRule, 5);
+  check(kTensorRule, 7);
 }
 
 TEST(CellRule, BoundsHold) {

@@ -12,8 +12,9 @@ namespace genu::contact::detail {
  singularities at +-i a is then sampled evenly in asinh(e/a): t = asinh(e_max/a). */
 struct GradedRule {
   static constexpr int kPoints = 6, kLevels = 16;  // t = (level + 1) / 2
+  static constexpr int kPadded = 8;                // the last have no weight
   double largestRatio;                             // sinh(t)
-  double x[kPoints], w[kPoints];
+  double x[kPadded], w[kPadded];
 };
 /** kLevels rules, made once. */
 const GradedRule* gradedRules();
@@ -38,12 +39,12 @@ struct LawView {
   const void* self;
 };
 
-/** What the smooth rule knows of a node at the current pose. */
-struct NodeField {
+/** What the smooth rule knows of a node at the current pose, in two lines. */
+struct alignas(64) NodeField {
   double m[3];      // force direction on M, in F
   double length;    // |n + u| where the correction is on, 0 where it is off
-  double cosTheta;  // n . u
   double u[3];      // direction of the distance, turned into M, in F
+  double cosTheta;  // n . u
   double c;         // d = c s
   double h_m, hM_m;
   double factor;    // max(0, 1 + damping * rate of approach)
@@ -51,13 +52,24 @@ struct NodeField {
 
 /** Numbers per node of `place`: centre A in F (3), area, outward normal n in F (3), thickness of the fixed layer. */
 constexpr int kPlaceStride = 8;
-/** Numbers per node of `load`: force (3) and moment about Fo (3) per unit weight, scalar force, unused, scalar force times
- the position (3), area. */
-constexpr int kLoadStride = 12;
+/** Numbers per node of `load`: force (3) and moment about Fo (3) per unit weight, scalar force, unused. */
+constexpr int kLoadStride = 8;
 /** Numbers per node of `weight`: of pressure, area, energy, unused: int p g = sum_k weight_k g_k. */
 constexpr int kWeightStride = 4;
 /** Numbers per node of `adjoint`: d(load)/ds (6, 2 unused), then d(load)/dr (6, 2 unused). */
 constexpr int kAdjointStride = 16;
+
+/** Points (xi, eta) and weights at which a law is read in a cell, whole vectors of them (some without weight). */
+struct LawPoints {
+  static constexpr int kMost = 16 * 56;  // lines: at most 56 with two rules of 8 points each
+  int count;
+  double w[kMost], xi[kMost], eta[kMost];
+};
+
+/** s, r, P, dP/dstrain and the energy density at the points of a cell. */
+struct LawReading {
+  double s[LawPoints::kMost], r[LawPoints::kMost], p[LawPoints::kMost], dp[LawPoints::kMost], energy[LawPoints::kMost];
+};
 
 /** One compartment at one pose. Strain at a node: s r, s the penetration before the midsurface correction (-AB, or -AC along the
  node's normal by ray), > 0 in contact. */
@@ -109,6 +121,8 @@ struct StiffnessSums {
 using ThicknessSlope = bool (*)(const void* self, int node, double slope[3]);
 
 struct CellKernels {
+  /** Numbers of the elements whose mark is not above `way`, ascending; returns how many. `list` has room for all. */
+  int (*listDue)(const double* mark, int count, double way, int* list);
   /** Sets s, r, field and load of the nodes from their feet; field[k].hM_m and usable[k] are the caller's. */
   void (*setNodes)(const CellGrid&, const int* nodes, int count);
   /** Coefficients of s for the candidates; appends those that may be in contact to `tasks` and returns their number. bound[i] is
@@ -121,18 +135,17 @@ struct CellKernels {
   void (*sum)(const CellGrid&, int numWords, bool withEnergy, NetSums&);
   void (*sumStiffness)(const CellGrid&, int numWords, ThicknessSlope, const void* self, StiffnessSums&);
   void (*findPeak)(const CellGrid&, const CellTask*, int count, PeakStrain&);
+  // One cell, with the coefficients S of s and R of r (CellRule.h):
+  /** int_{s>0} xi^a eta^b, 15 moments. */
+  void (*calcRimArea)(const double* S, double* moments);
+  /** `full`: s >= 0 in the whole cell. */
+  void (*listLawPoints)(const double* S, const double* R, bool full, const LawShape&, LawPoints&);
+  /** The law at such points, each array with room for all; share: coefficients of the fixed layer's share, read with layers in
+   series only. */
+  void (*readLaw)(const double* S, const double* R, const double* share, const LawView&, const LawPoints&, LawReading&);
+  /** int_{s>0} of area P r xi^a eta^b (6 monomials of s), area P s (5 smooth ones) and U (5), of layers whose area times thickness is
+   the polynomial G: 8 numbers each. */
+  void (*calcEnergyMoments)(const double* G, const LawPoints&, const LawReading&, double* byS, double* byR, double* byG);
 };
-
-namespace baseline {
-extern const CellKernels kCellKernels;
-}
-namespace avx2 {
-extern const CellKernels kCellKernels;
-}
-namespace avx512 {
-extern const CellKernels kCellKernels;
-}
-
-const CellKernels& activeCellKernels();
 
 }  // namespace genu::contact::detail

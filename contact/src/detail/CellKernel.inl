@@ -1,93 +1,86 @@
 // Body of the smooth rule's arithmetic; included once per instruction set with GENU_ISA set to its namespace.
 
 #include "CellKernel.h"
+#include "CellLaw.inl"
 #include "CellRule.h"
+#include "Lanes.inl"
 
 namespace genu::contact::detail::GENU_ISA {
 
 namespace {
 
-typedef double V8 __attribute__((vector_size(64)));
+// ---- candidates -------------------------------------------------------------------------------------------------
 
-inline V8 load8(const double* p) {
-  V8 v;
-  __builtin_memcpy(&v, p, sizeof v);
-  return v;
-}
-inline void store8(V8 v, double* p) { __builtin_memcpy(p, &v, sizeof v); }
-inline void add8(V8 v, double* p) { store8(load8(p) + v, p); }
-
-template <bool kWithEnergy>
-struct Response {
-  const LawView& law;
-  GENU_INLINE void operator()(double strain, double& p, double& dp, double& energy) const {
-    if (law.kind == LawView::linear) {
-      p = law.K_Pa * strain;
-      dp = law.K_Pa;
-      energy = 0.5 * p * strain;
-    } else if (law.kind == LawView::table && strain < law.pieces.largestStrain) {
-      readTable<kWithEnergy>(law.pieces, larger(strain, 0.0), p, dp, energy);
-    } else {
-      double out[4];
-      law.respond(law.self, strain, 1, out);
-      p = out[0];
-      dp = out[1];
-      energy = out[2];
-    }
+int listDue(const double* mark, int count, double way, int* list) {
+  int found = 0, e = 0;
+  for (; e + kLanes <= count; e += kLanes) {
+    unsigned due = static_cast<unsigned>(bits(~(loadLanes(mark + e) > way)));
+    for (; due != 0; due &= due - 1) list[found++] = e + __builtin_ctz(due);
   }
-};
+  for (; e < count; ++e) {
+    if (!(mark[e] > way)) list[found++] = e;
+  }
+  return found;
+}
 
 // ---- nodes ------------------------------------------------------------------------------------------------------
 
 void setNodes(const CellGrid& g, const int* nodes, int count) {
   const double* R = g.R;
-  for (int i = 0; i < count; ++i) {
-    const int k = nodes[i];
-    const bool byRay = g.hits != nullptr;
-    g.s[k] = byRay ? -g.hits[k].t_m : -g.feet[k].distance_m;
-    if (!g.usable[k]) continue;
-    NodeField& f = g.field[k];
-    const double* A = g.place + kPlaceStride * k;
-    const double* n = A + 4;
-    const double* N = byRay ? g.hits[k].normal : g.feet[k].normal;
-    const double u[3] = {-(R[0] * N[0] + R[1] * N[1] + R[2] * N[2]), -(R[3] * N[0] + R[4] * N[1] + R[5] * N[2]),
-                         -(R[6] * N[0] + R[7] * N[1] + R[8] * N[2])};
-    const double sum[3] = {n[0] + u[0], n[1] + u[1], n[2] + u[2]};
-    const double cosTheta = n[0] * u[0] + n[1] * u[1] + n[2] * u[2];
-    f.h_m = n[3] + f.hM_m;
-    if (g.corrected && cosTheta > 0) {
-      const double length = __builtin_sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2]), inverse = 1 / length;
-      f.length = length;
-      f.c = byRay ? 2 * inverse * cosTheta : 2 * inverse;
-      for (int j = 0; j < 3; ++j) f.m[j] = sum[j] * inverse;
-    } else {
-      f.length = 0;
-      f.c = 1;
-      for (int j = 0; j < 3; ++j) f.m[j] = byRay && !g.corrected ? n[j] : u[j];
+  const bool byRay = g.hits != nullptr;
+  for (int first = 0; first < count; first += kLanes) {
+    const int used = count - first < kLanes ? count - first : kLanes;
+    int node[kLanes];
+    double numbers[5][kLanes];
+    Line places[kLanes];
+    for (int l = 0; l < kLanes; ++l) {  // those beyond the last repeat it
+      const int k = node[l] = nodes[first + (l < used ? l : used - 1)];
+      const double* N = byRay ? g.hits[k].normal : g.feet[k].normal;
+      for (int j = 0; j < 3; ++j) numbers[j][l] = N[j];
+      numbers[3][l] = byRay ? -g.hits[k].t_m : -g.feet[k].distance_m;
+      numbers[4][l] = g.field[k].hM_m;
+      places[l] = loadLine(g.place + kPlaceStride * k);
     }
-    f.cosTheta = cosTheta;
-    for (int j = 0; j < 3; ++j) f.u[j] = u[j];
-    f.factor = 1;
+    V place[8];
+    turnBack(places, place);
+    const V3 A = {place[0], place[1], place[2]}, n = {place[4], place[5], place[6]};
+    const V3 N = {loadLanes(numbers[0]), loadLanes(numbers[1]), loadLanes(numbers[2])};
+    const V hM = loadLanes(numbers[4]);
+    const V3 u = {-(R[0] * N.x + R[1] * N.y + R[2] * N.z), -(R[3] * N.x + R[4] * N.y + R[5] * N.z), -(R[6] * N.x + R[7] * N.y + R[8] * N.z)};
+    const V3 sum = n + u;
+    const V cosTheta = dot(n, u), h = place[7] + hM;
+    const Mask corrected = (cosTheta > 0) & (Mask{} - g.corrected);
+    const V length = choose(corrected, squareRoot(dot(sum, sum)), V{}), inverse = choose(corrected, 1 / length, V{});
+    const V c = choose(corrected, byRay ? 2 * inverse * cosTheta : 2 * inverse, all(1));
+    const V3& plain = byRay && !g.corrected ? n : u;
+    const V3 m = {choose(corrected, sum.x * inverse, plain.x), choose(corrected, sum.y * inverse, plain.y),
+                  choose(corrected, sum.z * inverse, plain.z)};
+    V factor = all(1);
     if (g.damping_sPerM > 0) {
       // Rate of approach: the velocity of M's point at A against the force on it.
-      const double V[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
-                           g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};
-      f.factor = larger(0.0, 1 - g.damping_sPerM * (f.m[0] * V[0] + f.m[1] * V[1] + f.m[2] * V[2]));
+      const V3 velocity = {g.v[0] + g.w[1] * A.z - g.w[2] * A.y, g.v[1] + g.w[2] * A.x - g.w[0] * A.z, g.v[2] + g.w[0] * A.y - g.w[1] * A.x};
+      factor = 1 - g.damping_sPerM * dot(m, velocity);
+      factor = choose(factor > 0, factor, V{});
     }
-    const double r = f.c / f.h_m;
-    g.r[k] = r;
-    if (g.share != nullptr) g.share[k] = n[3] / f.h_m;
-    const double area = A[3];
-    const double scalar = area * f.factor * (g.linear ? g.K_Pa * r : 1);
-    double* L = g.load + kLoadStride * k;
-    for (int j = 0; j < 3; ++j) L[j] = scalar * f.m[j];
-    L[3] = A[1] * L[2] - A[2] * L[1];
-    L[4] = A[2] * L[0] - A[0] * L[2];
-    L[5] = A[0] * L[1] - A[1] * L[0];
-    L[6] = scalar;
-    L[7] = 0;
-    for (int j = 0; j < 3; ++j) L[8 + j] = scalar * A[j];
-    L[11] = area;
+    const V r = c / h, scalar = place[3] * factor * (g.linear ? g.K_Pa * r : all(1));
+    const V3 force = m * scalar, moment = cross(A, force);
+    Line directions[kLanes], rest[kLanes], loads[kLanes];
+    const V direction[8] = {m.x, m.y, m.z, length, u.x, u.y, u.z, cosTheta}, others[8] = {c, h, hM, factor, r, place[7] / h, V{}, V{}};
+    const V load[8] = {force.x, force.y, force.z, moment.x, moment.y, moment.z, scalar, V{}};
+    turn(direction, directions);
+    turn(others, rest);
+    turn(load, loads);
+    for (int l = 0; l < used; ++l) {
+      const int k = node[l];
+      g.s[k] = numbers[3][l];
+      if (!g.usable[k]) continue;
+      double* field = g.field[k].m;
+      store(directions[l], field);
+      store(rest[l], field + 8);
+      store(loads[l], g.load + kLoadStride * k);
+      g.r[k] = get(rest[l], 4);
+      if (g.share != nullptr) g.share[k] = get(rest[l], 5);
+    }
   }
 }
 
@@ -127,30 +120,12 @@ int testCells(const CellGrid& g, const int* candidates, int count, double* bound
   return found;
 }
 
-/** Node weights of int p g from the moments: sum over k of T[k][n] moments[k], n over the cross C, E, W, N, S. */
-inline void spread(const double moments[kSmooth], int mask, double* weight) {
-  if ((mask & 15) == 15) {
-    weight[0] = moments[0] - moments[3] - moments[4];
-    weight[4] = 0.5 * (moments[3] + moments[1]);
-    weight[8] = 0.5 * (moments[3] - moments[1]);
-    weight[12] = 0.5 * (moments[4] + moments[2]);
-    weight[16] = 0.5 * (moments[4] - moments[2]);
-    return;
-  }
-  const StencilWeights& T = stencilWeights(mask);
-  for (int n = 0; n < 5; ++n) {
-    double sum = 0;
-    for (int k = 0; k < kSmooth; ++k) sum += T.T[k][n] * moments[k];
-    weight[4 * n] = sum;
-  }
-}
-
 /** Coefficients of the smooth load density from its nodes, 8 numbers each. */
-inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, V8 G[kSmooth]) {
+inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, Line G[kSmooth]) {
   if ((mask & 15) == 15) {
-    const V8 c = load8(g.load + kLoadStride * stencil[0]), e = load8(g.load + kLoadStride * stencil[1]),
-             w = load8(g.load + kLoadStride * stencil[2]), n = load8(g.load + kLoadStride * stencil[3]),
-             s = load8(g.load + kLoadStride * stencil[4]);
+    const Line c = loadLine(g.load + kLoadStride * stencil[0]), e = loadLine(g.load + kLoadStride * stencil[1]),
+             w = loadLine(g.load + kLoadStride * stencil[2]), n = loadLine(g.load + kLoadStride * stencil[3]),
+             s = loadLine(g.load + kLoadStride * stencil[4]);
     G[0] = c;
     G[1] = 0.5 * (e - w);
     G[2] = 0.5 * (n - s);
@@ -160,31 +135,22 @@ inline void gatherLoad(const CellGrid& g, const int* stencil, int mask, V8 G[kSm
   }
   const StencilWeights& T = stencilWeights(mask);
   for (int k = 0; k < kSmooth; ++k) {
-    V8 sum = {};
+    Line sum = {};
     for (int n = 0; n < 5; ++n) {
-      if (T.T[k][n] != 0) sum += T.T[k][n] * load8(g.load + kLoadStride * stencil[n]);
+      if (T.T[k][n] != 0) sum += T.T[k][n] * loadLine(g.load + kLoadStride * stencil[n]);
     }
     G[k] = sum;
   }
 }
 
-inline void contract(const double moments[kMoments], const V8 G[kSmooth], int count, double* out) {
+inline void contract(const double moments[kMoments], const Line G[kSmooth], int count, double* out) {
   for (int c = 0; c < count; ++c) {
-    V8 sum = {};
+    Line sum = {};
     for (int k = 0; k < kSmooth; ++k) {
       sum += moments[momentIndex(kPowers[k][0] + kPowers[c][0], kPowers[k][1] + kPowers[c][1])] * G[k];
     }
-    store8(sum, out + 8 * c);
+    store(sum, out + 8 * c);
   }
-}
-
-/** Coefficients of a smooth quantity of the nodes (r = c/h, share) in a cell. */
-inline void gatherSmooth(const double* ofNode, const int* stencil, int mask, double R[kSmooth]) {
-  double r[kStencil] = {};
-  for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? ofNode[stencil[n]] : 0;
-  double all[kMonomials];
-  calcCoefficients(r, mask & 15, all);
-  for (int k = 0; k < kSmooth; ++k) R[k] = all[k];
 }
 
 template <bool kWithStiffness>
@@ -197,19 +163,35 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
     const double* S = task.S;
     CellMoments m;
     const bool full = lowerBound(S) >= 0;
+    const bool readsLaw = !isLinear || withEnergy;
+    double R[kSmooth] = {};
+    LawQuadrature rule = {nullptr, true};
+    if (readsLaw) {
+      gatherSmooth([&](int k) { return g.r[k]; }, stencil, task.mask, R);
+      rule = chooseQuadrature(S, R, full, law.shape);
+    }
+    Lines lines;
     if (full) {
       for (int k = 0; k < kMoments; ++k) m.area[k] = kFullArea[k];
     } else {
-      calcRimArea(S, m.area);
+      if (isLinear) {
+        calcRimArea(S, m.area);
+      } else if (rule.mild) {  // the same lines for area and law
+        findLawLines(S, R, law.shape, true, lines);
+        sumArea<2>(lines, m.area);
+      } else {
+        findLines(S, lines, true);
+        padLines(lines);
+        sumArea<2>(lines, m.area);
+      }
       if (!(m.area[0] > 0)) {
         out[3] = 0;
         continue;
       }
     }
-    double R[kSmooth] = {};
-    if (!isLinear || withEnergy) gatherSmooth(g.r, stencil, task.mask, R);
+    if (readsLaw && rule.points == nullptr && g.share == nullptr && (isLinear || !rule.mild || full)) findLawLines(S, R, law.shape, rule.mild, lines);
     if (isLinear) {
-      if (withEnergy) calcLawMoments<true, false>(S, R, full, law.shape, Response<true>{law}, m);
+      if (withEnergy) calcLawMoments<true, false>(S, R, rule, lines, law, m);
       if (full) {
         calcFullLinearMoments(S, m.pressure);
       } else {
@@ -217,26 +199,24 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
       }
     } else if (g.share != nullptr) {
       double Q[kSmooth];
-      gatherSmooth(g.share, stencil, task.mask, Q);
-      calcSharedMoments<kWithStiffness>(
-          S, R, Q, full, law.shape,
-          [&](double strain, double share, double* answer) { law.respond(law.self, strain, share, answer); }, m);
+      gatherSmooth([&](int k) { return g.share[k]; }, stencil, task.mask, Q);
+      calcSharedMoments<kWithStiffness>(S, R, Q, full, law, m);
     } else {
-      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, full, law.shape, Response<true>{law}, m)
-                 : calcLawMoments<false, kWithStiffness>(S, R, full, law.shape, Response<false>{law}, m);
+      withEnergy ? calcLawMoments<true, kWithStiffness>(S, R, rule, lines, law, m)
+                 : calcLawMoments<false, kWithStiffness>(S, R, rule, lines, law, m);
     }
     const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
-    spread(m.pressure, task.mask, out);
-    spread(area, task.mask, out + 1);
+    spreadSmooth<4>(m.pressure, task.mask, out);
+    spreadSmooth<4>(area, task.mask, out + 1);
     if (withEnergy) {
-      spread(m.energy, task.mask, out + 2);
+      spreadSmooth<4>(m.energy, task.mask, out + 2);
     } else {
       for (int n = 0; n < 5; ++n) out[4 * n + 2] = 0;
     }
     for (int n = 1; n < 5; ++n) out[4 * n + 3] = 0;
     out[3] = m.area[0];
     if (kWithStiffness) {
-      V8 G[kSmooth];
+      Line G[kSmooth];
       gatherLoad(g, stencil, task.mask, G);
       contract(isLinear ? m.area : m.slopeR, G, kMonomials, out + kBySOffset);
       if (!isLinear) contract(m.slopeS, G, kSmooth, out + kByROffset);
@@ -248,6 +228,8 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
 void integrate(const CellGrid& g, const LawView& law, const CellTask* tasks, int count, bool withEnergy, bool withStiffness, double* out) {
   withStiffness ? integrateAs<true>(g, law, tasks, count, withEnergy, out) : integrateAs<false>(g, law, tasks, count, withEnergy, out);
 }
+
+inline void addLine(const Line& line, double* to) { store(loadLine(to) + line, to); }
 
 void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiffness, const double* out) {
   const int stride = withStiffness ? kCellStride : kCellWeights;
@@ -266,9 +248,9 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
       word |= bit;
       for (int j = 0; j < kWeightStride; ++j) g.weight[kWeightStride * k + j] = 0;
       if (withStiffness) {
-        store8(V8{}, g.adjoint + kAdjointStride * k);
-        store8(V8{}, g.adjoint + kAdjointStride * k + 8);
-        if (g.byShare != nullptr) store8(V8{}, g.byShare + 8 * k);
+        store(Line{}, g.adjoint + kAdjointStride * k);
+        store(Line{}, g.adjoint + kAdjointStride * k + 8);
+        if (g.byShare != nullptr) store(Line{}, g.byShare + 8 * k);
       }
     }
     for (int n = 0; n < 5; ++n) {
@@ -287,30 +269,30 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
       const StencilWeights& T = stencilWeights(task.mask);
       for (int n = 0; n < 5; ++n) {
         for (int c = 0; c < kSmooth; ++c) {
-          if (T.T[c][n] != 0) add8(T.T[c][n] * load8(out + kByShareOffset + 8 * c), g.byShare + 8 * stencil[n]);
+          if (T.T[c][n] != 0) addLine(T.T[c][n] * loadLine(out + kByShareOffset + 8 * c), g.byShare + 8 * stencil[n]);
         }
       }
     }
     if (task.mask == kAllNeighbors) {
-      const V8 s1 = 0.5 * load8(byS + 8), s2 = 0.5 * load8(byS + 16), s3 = load8(byS + 24), s4 = load8(byS + 32),
-               s5 = 0.25 * load8(byS + 40);
+      const Line s1 = 0.5 * loadLine(byS + 8), s2 = 0.5 * loadLine(byS + 16), s3 = loadLine(byS + 24), s4 = loadLine(byS + 32),
+               s5 = 0.25 * loadLine(byS + 40);
       const auto to = [&](int n) { return g.adjoint + kAdjointStride * stencil[n]; };
-      add8(load8(byS) - s3 - s4, to(0));
-      add8(0.5 * s3 + s1, to(1));
-      add8(0.5 * s3 - s1, to(2));
-      add8(0.5 * s4 + s2, to(3));
-      add8(0.5 * s4 - s2, to(4));
-      add8(s5, to(5));
-      add8(-s5, to(6));
-      add8(-s5, to(7));
-      add8(s5, to(8));
+      addLine(loadLine(byS) - s3 - s4, to(0));
+      addLine(0.5 * s3 + s1, to(1));
+      addLine(0.5 * s3 - s1, to(2));
+      addLine(0.5 * s4 + s2, to(3));
+      addLine(0.5 * s4 - s2, to(4));
+      addLine(s5, to(5));
+      addLine(-s5, to(6));
+      addLine(-s5, to(7));
+      addLine(s5, to(8));
       if (!g.linear) {
-        const V8 r1 = 0.5 * load8(byR + 8), r2 = 0.5 * load8(byR + 16), r3 = load8(byR + 24), r4 = load8(byR + 32);
-        add8(load8(byR) - r3 - r4, to(0) + 8);
-        add8(0.5 * r3 + r1, to(1) + 8);
-        add8(0.5 * r3 - r1, to(2) + 8);
-        add8(0.5 * r4 + r2, to(3) + 8);
-        add8(0.5 * r4 - r2, to(4) + 8);
+        const Line r1 = 0.5 * loadLine(byR + 8), r2 = 0.5 * loadLine(byR + 16), r3 = loadLine(byR + 24), r4 = loadLine(byR + 32);
+        addLine(loadLine(byR) - r3 - r4, to(0) + 8);
+        addLine(0.5 * r3 + r1, to(1) + 8);
+        addLine(0.5 * r3 - r1, to(2) + 8);
+        addLine(0.5 * r4 + r2, to(3) + 8);
+        addLine(0.5 * r4 - r2, to(4) + 8);
       }
       continue;
     }
@@ -319,8 +301,8 @@ void scatter(const CellGrid& g, const CellTask* tasks, int count, bool withStiff
       for (int c = 0; c < kMonomials; ++c) {
         if (T.T[c][n] == 0) continue;
         double* to = g.adjoint + kAdjointStride * stencil[n];
-        add8(T.T[c][n] * load8(byS + 8 * c), to);
-        if (!g.linear && c < kSmooth) add8(T.T[c][n] * load8(byR + 8 * c), to + 8);
+        addLine(T.T[c][n] * loadLine(byS + 8 * c), to);
+        if (!g.linear && c < kSmooth) addLine(T.T[c][n] * loadLine(byR + 8 * c), to + 8);
       }
     }
   }
@@ -336,24 +318,26 @@ inline void forEachTouched(const CellGrid& g, int numWords, Visit visit) {
 }
 
 void sum(const CellGrid& g, int numWords, bool withEnergy, NetSums& total) {
-  V8 first = {};
+  Line first = {};
   double second[4] = {};
   double energy = 0;
   forEachTouched(g, numWords, [&](int k) {
     const double* w = g.weight + kWeightStride * k;
     const double* L = g.load + kLoadStride * k;
     if (w[0] == 0 && w[1] == 0) return;  // an unusable node may hold anything
-    first += w[0] * load8(L);
-    for (int j = 0; j < 3; ++j) second[j] += w[0] * L[8 + j];
-    second[3] += w[1] * L[11];
-    if (withEnergy) energy += w[2] * L[11] * g.field[k].h_m;
+    first += w[0] * loadLine(L);
+    const double* place = g.place + kPlaceStride * k;
+    const double scalar = w[0] * L[6];
+    for (int j = 0; j < 3; ++j) second[j] += scalar * place[j];
+    second[3] += w[1] * place[3];
+    if (withEnergy) energy += w[2] * place[3] * g.field[k].h_m;
   });
   for (int j = 0; j < 3; ++j) {
-    total.force[j] = first[j];
-    total.moment[j] = first[3 + j];
+    total.force[j] = get(first, j);
+    total.moment[j] = get(first, 3 + j);
     total.weighted[j] = second[j];
   }
-  total.scalar = first[6];
+  total.scalar = get(first, 6);
   total.area = second[3];
   total.energy = energy;
 }
@@ -366,7 +350,7 @@ inline void rotate(const double R[9], const double a[3], double b[3]) {
  distance. By ray, the hit C = A - s n takes the place of A: ds = -u.(v + w x C)/cos(theta), du = w x u + H (v + w x C), H the change of
  the normal at C with the ray's place. Rows of six columns: v, w. */
 void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope, const void* self, StiffnessSums& total) {
-  V8 K[6] = {}, D[6] = {};
+  Line K[6] = {}, D[6] = {};
   const bool damped = g.damping_sPerM > 0, byRay = g.hits != nullptr;
   forEachTouched(g, numWords, [&](int k) {
     if (!g.usable[k]) return;
@@ -387,7 +371,7 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
       surfaceJ = hit.duvdA;
       bends = true;
     }
-    const V8 ds = perS * V8{-u[0], -u[1], -u[2], P[2] * u[1] - P[1] * u[2], P[0] * u[2] - P[2] * u[0], P[1] * u[0] - P[0] * u[1], 0, 0};
+    const Line ds = perS * makeLine(-u[0], -u[1], -u[2], P[2] * u[1] - P[1] * u[2], P[0] * u[2] - P[2] * u[0], P[1] * u[0] - P[0] * u[1], 0, 0);
     double W[3][3] = {};
     if (bends) {
       double nu[3], nv[3], ju[3], jv[3];
@@ -401,43 +385,43 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
     }
     const auto row = [&](int i, double x, double y, double z) {
       const double* w = W[i];
-      return V8{w[0], w[1], w[2], x + P[1] * w[2] - P[2] * w[1], y + P[2] * w[0] - P[0] * w[2], z + P[0] * w[1] - P[1] * w[0], 0, 0};
+      return makeLine(w[0], w[1], w[2], x + P[1] * w[2] - P[2] * w[1], y + P[2] * w[0] - P[0] * w[2], z + P[0] * w[1] - P[1] * w[0], 0, 0);
     };
-    V8 dm[3] = {row(0, 0, u[2], -u[1]), row(1, -u[2], 0, u[0]), row(2, u[1], -u[0], 0)};  // du first
-    V8 dr = {};
+    Line dm[3] = {row(0, 0, u[2], -u[1]), row(1, -u[2], 0, u[0]), row(2, u[1], -u[0], 0)};  // du first
+    Line dr = {};
     if (f.length > 0) {
-      const V8 along = m[0] * dm[0] + m[1] * dm[1] + m[2] * dm[2];
+      const Line along = m[0] * dm[0] + m[1] * dm[1] + m[2] * dm[2];
       const double inverse = 1 / f.length;
       for (int i = 0; i < 3; ++i) dm[i] = (dm[i] - m[i] * along) * inverse;
       // c = 2/length, by ray 2 cos(theta)/length = length - 2/length
       dr = along * ((byRay ? 1 + 2 * inverse * inverse : -2 * inverse * inverse) / f.h_m);
     } else if (byRay && !g.corrected) {
-      for (int i = 0; i < 3; ++i) dm[i] = V8{};  // along n, which stays
+      for (int i = 0; i < 3; ++i) dm[i] = Line{};  // along n, which stays
     }
     double slope[3];
     if (thicknessSlope != nullptr && thicknessSlope(self, k, slope)) {
-      const V8 wrench = {slope[0], slope[1], slope[2], P[1] * slope[2] - P[2] * slope[1], P[2] * slope[0] - P[0] * slope[2],
-                         P[0] * slope[1] - P[1] * slope[0], 0, 0};
+      const Line wrench = makeLine(slope[0], slope[1], slope[2], P[1] * slope[2] - P[2] * slope[1], P[2] * slope[0] - P[0] * slope[2],
+                         P[0] * slope[1] - P[1] * slope[0], 0, 0);
       dr += wrench * (g.r[k] / f.h_m);
       if (g.share != nullptr) {  // dh = -wrench, share = hF/h
-        const V8 dShare = wrench * (g.share[k] / f.h_m);
+        const Line dShare = wrench * (g.share[k] / f.h_m);
         for (int i = 0; i < 6; ++i) K[i] += g.byShare[8 * k + i] * dShare;
       }
     }
     const double scale = g.weight[kWeightStride * k] * A[3] * (g.linear ? g.K_Pa : 1);
-    V8 df[3];
+    Line df[3];
     const double value = g.linear ? g.r[k] : 1;
     for (int i = 0; i < 3; ++i) {
       df[i] = (scale * f.factor * value) * dm[i];
       if (g.linear) df[i] += (scale * f.factor * m[i]) * dr;
     }
     if (damped && f.factor > 0) {
-      const double V[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
-                           g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};
-      const V8 dFactor = -g.damping_sPerM * (V[0] * dm[0] + V[1] * dm[1] + V[2] * dm[2]);
+      const double at[3] = {g.v[0] + g.w[1] * A[2] - g.w[2] * A[1], g.v[1] + g.w[2] * A[0] - g.w[0] * A[2],
+                            g.v[2] + g.w[0] * A[1] - g.w[1] * A[0]};  // velocity of M's point at A
+      const Line dFactor = -g.damping_sPerM * (at[0] * dm[0] + at[1] * dm[1] + at[2] * dm[2]);
       for (int i = 0; i < 3; ++i) df[i] += (scale * value * m[i]) * dFactor;
-      const V8 wrench = {m[0], m[1], m[2], A[1] * m[2] - A[2] * m[1], A[2] * m[0] - A[0] * m[2], A[0] * m[1] - A[1] * m[0], 0, 0};
-      for (int i = 0; i < 6; ++i) D[i] += (-g.damping_sPerM * scale * value * wrench[i]) * wrench;
+      const Line wrench = makeLine(m[0], m[1], m[2], A[1] * m[2] - A[2] * m[1], A[2] * m[0] - A[0] * m[2], A[0] * m[1] - A[1] * m[0], 0, 0);
+      for (int i = 0; i < 6; ++i) D[i] += (-g.damping_sPerM * scale * value * get(wrench, i)) * wrench;
     }
     for (int i = 0; i < 6; ++i) {
       K[i] += adjoint[i] * ds;
@@ -449,8 +433,8 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
     K[5] += A[0] * df[1] - A[1] * df[0];
   });
   for (int i = 0; i < 6; ++i) {
-    store8(K[i], total.byMotion + 8 * i);
-    store8(D[i], total.byRate + 8 * i);
+    store(K[i], total.byMotion + 8 * i);
+    store(D[i], total.byRate + 8 * i);
   }
 }
 
@@ -479,7 +463,5 @@ void findPeak(const CellGrid& g, const CellTask* tasks, int count, PeakStrain& p
 }
 
 }  // namespace
-
-const CellKernels kCellKernels = {setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak};
 
 }  // namespace genu::contact::detail::GENU_ISA

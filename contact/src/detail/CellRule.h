@@ -18,7 +18,9 @@
 namespace genu::contact::detail {
 namespace {
 
+#ifndef GENU_INLINE
 #define GENU_INLINE inline __attribute__((always_inline))
+#endif
 
 inline double absolute(double x) { return __builtin_fabs(x); }
 inline double larger(double a, double b) { return a > b ? a : b; }
@@ -67,6 +69,44 @@ inline void calcCoefficients(const double* s, int mask, double S[kMonomials]) {
   }
 }
 
+/** Coefficients of a smooth quantity of the nodes, as of r = c/h, in a cell. */
+template <class OfNode>
+inline void gatherSmooth(const OfNode& ofNode, const int* stencil, int mask, double R[kSmooth]) {
+  if ((mask & 15) == 15) {
+    const double c = ofNode(stencil[0]), e = ofNode(stencil[1]), w = ofNode(stencil[2]), n = ofNode(stencil[3]), s = ofNode(stencil[4]);
+    R[0] = c;
+    R[1] = 0.5 * (e - w);
+    R[2] = 0.5 * (n - s);
+    R[3] = 0.5 * (e + w) - c;
+    R[4] = 0.5 * (n + s) - c;
+    return;
+  }
+  double r[kStencil] = {};
+  for (int n = 0; n < 5; ++n) r[n] = stencil[n] >= 0 ? ofNode(stencil[n]) : 0;
+  double all[kMonomials];
+  calcCoefficients(r, mask & 15, all);
+  for (int k = 0; k < kSmooth; ++k) R[k] = all[k];
+}
+
+/** Node weights of int p g from the moments: sum over k of T[k][n] moments[k], n over the cross C, E, W, N, S. */
+template <int kStride>
+inline void spreadSmooth(const double moments[kSmooth], int mask, double* weight) {
+  if ((mask & 15) == 15) {
+    weight[0] = moments[0] - moments[3] - moments[4];
+    weight[kStride] = 0.5 * (moments[3] + moments[1]);
+    weight[2 * kStride] = 0.5 * (moments[3] - moments[1]);
+    weight[3 * kStride] = 0.5 * (moments[4] + moments[2]);
+    weight[4 * kStride] = 0.5 * (moments[4] - moments[2]);
+    return;
+  }
+  const StencilWeights& T = stencilWeights(mask);
+  for (int n = 0; n < 5; ++n) {
+    double sum = 0;
+    for (int k = 0; k < kSmooth; ++k) sum += T.T[k][n] * moments[k];
+    weight[kStride * n] = sum;
+  }
+}
+
 inline double evaluateAt(const double* S, double xi, double eta) {
   return S[0] + xi * (S[1] + S[3] * xi + S[5] * eta) + eta * (S[2] + S[4] * eta);
 }
@@ -79,7 +119,8 @@ inline double lowerBound(const double S[kMonomials]) {
 }
 /** Largest change of s anywhere in the cell when no node's s changes by more than 1: the sum of the absolute node weights
  at the worst corner, 7/4 for the full stencil, up to 13/4 for one-sided ones. */
-inline double largestGain(int mask) { return mask == kAllNeighbors ? 1.75 : 3.25; }
+constexpr double kFullGain = 1.75, kEdgeGain = 3.25;
+inline double largestGain(int mask) { return mask == kAllNeighbors ? kFullGain : kEdgeGain; }
 
 /** Largest value of the polynomial in the cell and where. */
 inline double findMaximum(const double S[kMonomials], double& xiBest, double& etaBest) {
@@ -152,6 +193,14 @@ struct Gauss<5> {
   static constexpr double w[5] = {0.1184634425280945, 0.2393143352496832, 0.2844444444444444, 0.2393143352496832, 0.1184634425280945};
 };
 template <>
+struct Gauss<6> {
+  static constexpr int n = 6;
+  static constexpr double x[6] = {-0.4662347571015760, -0.3306046932331323, -0.1193095930415984,
+                                  0.1193095930415984,  0.3306046932331323,  0.4662347571015760};
+  static constexpr double w[6] = {0.0856622461895852, 0.1803807865240693, 0.2339569672863455,
+                                  0.2339569672863455, 0.1803807865240693, 0.0856622461895852};
+};
+template <>
 struct Gauss<8> {
   static constexpr int n = 8;
   static constexpr double x[8] = {-0.4801449282487681, -0.3983332387068134, -0.2627662049581645, -0.0917173212478249,
@@ -166,6 +215,8 @@ constexpr int kMaxLines = 56;  // 6 splits, 8 lines a piece
 struct Lines {
   double a[kMaxLines], weight[kMaxLines];
   int count;
+  double from[7], to[7];  // pieces whose lines lie in the region from end to end and are not listed
+  int numWhole;
   bool swapped;
   double s0, sa, sb, saa, sbb, sab;
 };
@@ -178,9 +229,20 @@ inline const GradedRule& findGraded(const LawShape& shape, double strain) {
   return *rule;
 }
 
-/** The outer range is split where the rim crosses the cell's border, so that the integrand is analytic on each piece. With a law,
- points crowd where a piece's lines reach little depth; r is the cell's strain per s. */
-inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* shape = nullptr, double r = 0) {
+/** How the region meets a line: the same for all lines of a piece. */
+enum class Meeting { none, part, whole };
+inline Meeting meetLine(double c0, double c1, double c2) {
+  const double low = c0 + 0.25 * c2 - 0.5 * c1, high = c0 + 0.25 * c2 + 0.5 * c1;
+  if ((low > 0) != (high > 0)) return Meeting::part;
+  // Both ends on one side: it crosses twice or not at all.
+  if (absolute(c1) < absolute(c2) && c1 * c1 > 4 * c2 * c0) return Meeting::part;
+  return low > 0 ? Meeting::whole : Meeting::none;
+}
+
+/** The outer range is split where the rim crosses the cell's border, so that the integrand is analytic on each piece; pieces outside
+ the region have no lines. With a law, points crowd where a piece's lines reach little depth; r is the cell's strain per s. Without,
+ pieces inside it are listed as wholes. */
+inline void findLines(const double S[kMonomials], Lines& lines, bool wholePieces, const LawShape* shape = nullptr, double r = 0) {
   const bool swapped = lines.swapped = absolute(S[1]) > absolute(S[2]);
   const double sa = lines.sa = swapped ? S[2] : S[1], sb = lines.sb = swapped ? S[1] : S[2];
   const double saa = lines.saa = swapped ? S[4] : S[3], sbb = lines.sbb = swapped ? S[3] : S[4];
@@ -213,7 +275,7 @@ inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* 
       if (absolute(sb + sab * root[k]) <= absolute(sbb)) add(root[k], true);
     }
   }
-  lines.count = 0;
+  lines.count = lines.numWhole = 0;
   double from = -0.5;
   bool fromTurn = false;
   for (int piece = 0; piece <= n; ++piece) {
@@ -224,7 +286,12 @@ inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* 
       lines.a[lines.count] = a;
       lines.weight[lines.count++] = weight;
     };
-    if (width > 0) {
+    const Meeting meeting =
+        width > 0 ? meetLine(s0 + middle * (sa + saa * middle), sb + sab * middle, sbb) : Meeting::none;
+    if (meeting == Meeting::whole && wholePieces) {
+      lines.from[lines.numWhole] = from;
+      lines.to[lines.numWhole++] = to;
+    } else if (meeting != Meeting::none) {
       if (fromTurn || toTurn) {
         for (int i = 0; i < 8; ++i) {
           const double t = Gauss<8>::x[i] + 0.5;  // a = from + width t^2 (3 - 2t): square-root ends become analytic
@@ -262,30 +329,9 @@ inline void findLines(const double S[kMonomials], Lines& lines, const LawShape* 
   }
 }
 
-/** Calls interval(a, weight, b0, b1) for every part of a line where s > 0. */
-template <class Interval>
-inline void forEachInterval(const Lines& lines, Interval interval) {
-  double root[2];
-  for (int i = 0; i < lines.count; ++i) {
-    const double a = lines.a[i], sbb = lines.sbb;
-    const double c0 = lines.s0 + a * (lines.sa + lines.saa * a), c1 = lines.sb + lines.sab * a;
-    const int count = solveQuadratic(c0, c1, sbb, root);
-    double at[4] = {-0.5, 0, 0, 0};
-    int m = 1;
-    for (int k = 0; k < count; ++k) {
-      if (root[k] > -0.5 && root[k] < 0.5) at[m++] = root[k];
-    }
-    at[m] = 0.5;
-    for (int k = 0; k < m; ++k) {
-      const double b = 0.5 * (at[k] + at[k + 1]);
-      if (c0 + b * (c1 + sbb * b) > 0) interval(a, lines.weight[i], at[k], at[k + 1]);
-    }
-  }
-}
-
 /** Moments of one cell. */
-struct CellMoments {
-  double area[kMoments];     ///< int xi^a eta^b
+struct alignas(64) CellMoments {
+  double area[16];           ///< int xi^a eta^b; kMoments are used
   double pressure[8];        ///< int P xi^a eta^b, in the order of monomials; kSmooth are used
   double energy[8];          ///< int U
   double slopeR[16];         ///< int P' r xi^a eta^b: for ds (law with a slope that varies); kMoments are used
@@ -295,69 +341,6 @@ struct CellMoments {
 
 /** Area moments of the whole cell, exact. */
 constexpr double kFullArea[kMoments] = {1, 0, 0, 1.0 / 12, 0, 1.0 / 12, 0, 0, 0, 0, 1.0 / 80, 0, 1.0 / 144, 0, 1.0 / 80};
-
-/** From moments of the lines' (outer, inner) variables to those of (xi, eta). */
-inline void unswap(bool swapped, const double* local, double* moments) {
-  for (int j = 0; j <= 4; ++j) {
-    for (int k = 0; j + k <= 4; ++k) moments[momentIndex(j, k)] = swapped ? local[momentIndex(k, j)] : local[momentIndex(j, k)];
-  }
-}
-
-/** Eight lines at a time. Between its two roots a quadratic has the sign against that of b^2, outside them the other. */
-inline void calcRimArea(const double S[kMonomials], double area[kMoments]) {
-  Lines lines;
-  findLines(S, lines);
-  constexpr int kLanes = 8;
-  constexpr double kFull[5] = {1, 0, 1.0 / 12, 0, 1.0 / 80};  // int b^k over the cell
-  while (lines.count % kLanes != 0) {
-    lines.a[lines.count] = 0;
-    lines.weight[lines.count++] = 0;
-  }
-  const double c2 = absolute(lines.sbb) > 1e-300 ? lines.sbb : 1e-300;  // the second root is then far away
-  const double inverse = 1 / c2, outside = c2 > 0 ? 1 : 0, sign = c2 > 0 ? -1 : 1;
-  double sums[kMoments][kLanes] = {};
-  for (int first = 0; first < lines.count; first += kLanes) {
-    double I[5][kLanes];
-    const double* a = lines.a + first;
-    const double* weight = lines.weight + first;
-    for (int l = 0; l < kLanes; ++l) {
-      const double c0 = lines.s0 + a[l] * (lines.sa + lines.saa * a[l]), c1 = lines.sb + lines.sab * a[l];
-      const double discriminant = c1 * c1 - 4 * c2 * c0;
-      const bool crosses = discriminant > 0;
-      const double root = __builtin_sqrt(crosses ? discriminant : 0);
-      const double q = -0.5 * (c1 < 0 ? c1 - root : c1 + root);
-      const double r1 = q * inverse, r2 = q != 0 ? c0 / q : r1;
-      double lo = r1 < r2 ? r1 : r2, hi = r1 < r2 ? r2 : r1;
-      lo = lo > -0.5 ? lo : -0.5;
-      lo = lo < 0.5 ? lo : 0.5;
-      hi = hi > -0.5 ? hi : -0.5;
-      hi = hi < 0.5 ? hi : 0.5;
-      lo = crosses ? lo : 0;
-      hi = crosses ? hi : 0;
-      const double base = crosses ? outside : c0 > 0 ? 1 : 0;
-      const double lo2 = lo * lo, hi2 = hi * hi;
-      I[0][l] = weight[l] * (base * kFull[0] + sign * (hi - lo));
-      I[1][l] = weight[l] * (sign / 2) * (hi2 - lo2);
-      I[2][l] = weight[l] * (base * kFull[2] + (sign / 3) * (hi2 * hi - lo2 * lo));
-      I[3][l] = weight[l] * (sign / 4) * (hi2 * hi2 - lo2 * lo2);
-      I[4][l] = weight[l] * (base * kFull[4] + (sign / 5) * (hi2 * hi2 * hi - lo2 * lo2 * lo));
-    }
-    double power[kLanes];
-    for (int l = 0; l < kLanes; ++l) power[l] = 1;
-    for (int j = 0; j <= 4; ++j) {
-      for (int k = 0; j + k <= 4; ++k) {
-        for (int l = 0; l < kLanes; ++l) sums[momentIndex(j, k)][l] += power[l] * I[k][l];
-      }
-      for (int l = 0; l < kLanes; ++l) power[l] *= a[l];
-    }
-  }
-  double local[kMoments];
-  for (int i = 0; i < kMoments; ++i) {
-    const double* x = sums[i];
-    local[i] = ((x[0] + x[4]) + (x[1] + x[5])) + ((x[2] + x[6]) + (x[3] + x[7]));
-  }
-  unswap(lines.swapped, local, area);
-}
 
 /** P = s: moments of s over a full cell. */
 inline void calcFullLinearMoments(const double S[kMonomials], double pressure[kSmooth]) {
@@ -379,260 +362,66 @@ inline void calcLinearMoments(const double S[kMonomials], const double area[kMom
   }
 }
 
-/** Monomials of a tensor Gauss rule, times its weights: of the moments (15 of 16) and of the smooth ones (5 of 8). */
-template <int N>
-struct TensorRule {
-  double moments[N * N][16], smooth[N * N][8], xi[N * N], eta[N * N];
-  constexpr TensorRule() : moments{}, smooth{}, xi{}, eta{} {
-    for (int i = 0; i < N; ++i) {
-      for (int j = 0; j < N; ++j) {
-        const int k = N * i + j;
-        xi[k] = Gauss<N>::x[i];
-        eta[k] = Gauss<N>::x[j];
-        double powerXi = Gauss<N>::w[i] * Gauss<N>::w[j];
-        for (int a = 0; a <= 4; ++a) {
-          double power = powerXi;
-          for (int b = 0; a + b <= 4; ++b) {
-            moments[k][momentIndex(a, b)] = power;
-            power *= eta[k];
-          }
-          powerXi *= xi[k];
-        }
-        for (int m = 0; m < kSmooth; ++m) smooth[k][m] = moments[k][momentIndex(kPowers[m][0], kPowers[m][1])];
+/** Points of a rule for a whole cell and the monomials there, times its weights: of the moments (15 of 16) and of the smooth ones
+ (5 of 8). Points beyond `used` lie at the centre and have no weight. */
+struct PointRule {
+  static constexpr int kMost = 16;
+  double w[kMost], xi[kMost], eta[kMost], moments[kMost][16], smooth[kMost][8];
+  int used;
+  constexpr void add(double x, double y, double weight) {
+    const int k = used++;
+    w[k] = weight;
+    xi[k] = x;
+    eta[k] = y;
+    double powerXi = weight;
+    for (int a = 0; a <= 4; ++a) {
+      double power = powerXi;
+      for (int b = 0; a + b <= 4; ++b) {
+        moments[k][momentIndex(a, b)] = power;
+        power *= y;
       }
+      powerXi *= x;
     }
+    for (int m = 0; m < kSmooth; ++m) smooth[k][m] = moments[k][momentIndex(kPowers[m][0], kPowers[m][1])];
   }
 };
-template <int N>
-constexpr TensorRule<N> kTensor{};
+/** Seven points, exact to degree 5 (Radon 1948; Abramowitz & Stegun 25.4.62). */
+constexpr PointRule makeRadonRule() {
+  PointRule rule{};
+  constexpr double far = 0.4830458915396480, wide = 0.3872983346207417, narrow = 0.2886751345948129;  // halves of sqrt 14/15, 3/5, 1/3
+  rule.add(0, 0, 2.0 / 7);
+  rule.add(0, far, 5.0 / 63);
+  rule.add(0, -far, 5.0 / 63);
+  for (int i = 0; i < 4; ++i) rule.add(i < 2 ? wide : -wide, i % 2 == 0 ? narrow : -narrow, 5.0 / 36);
+  return rule;
+}
+/** Four Gauss points each way. */
+constexpr PointRule makeTensorRule() {
+  PointRule rule{};
+  for (int i = 0; i < 16; ++i) rule.add(Gauss<4>::x[i / 4], Gauss<4>::x[i % 4], Gauss<4>::w[i / 4] * Gauss<4>::w[i % 4]);
+  return rule;
+}
+constexpr PointRule kRadonRule = makeRadonRule(), kTensorRule = makeTensorRule();
 
 inline double evaluateSmoothAt(const double R[kSmooth], double xi, double eta) {
   return R[0] + xi * (R[1] + R[3] * xi) + eta * (R[2] + R[4] * eta);
 }
 
-template <int N, bool WithEnergy, bool WithSlope, class Response>
-inline void addTensor(const double S[kMonomials], const double R[kSmooth], const Response& response, CellMoments& m) {
-  const TensorRule<N>& rule = kTensor<N>;
-  double pressure[8] = {}, energies[8] = {}, slopeR[16] = {}, slopeS[16] = {};
-  for (int i = 0; i < N * N; ++i) {
-    const double s = evaluateAt(S, rule.xi[i], rule.eta[i]), r = evaluateSmoothAt(R, rule.xi[i], rule.eta[i]);
-    double p = 0, dp = 0, energy = 0;
-    response(s * r, p, dp, energy);
-    for (int k = 0; k < 8; ++k) pressure[k] += p * rule.smooth[i][k];
-    if (WithEnergy) {
-      for (int k = 0; k < 8; ++k) energies[k] += energy * rule.smooth[i][k];
-    }
-    if (WithSlope) {
-      const double x = dp * r, y = dp * s;
-      for (int k = 0; k < 16; ++k) slopeR[k] += x * rule.moments[i][k];
-      for (int k = 0; k < 16; ++k) slopeS[k] += y * rule.moments[i][k];
-    }
-  }
-  for (int k = 0; k < 8; ++k) {
-    m.pressure[k] = pressure[k];
-    m.energy[k] = energies[k];
-  }
-  for (int k = 0; k < 16; ++k) {
-    m.slopeR[k] = slopeR[k];
-    m.slopeS[k] = slopeS[k];
-  }
-}
-
-/** Quadrature of a law in one cell: tensor Gauss points where the law hardly bends in a full cell, otherwise Gauss points along
- integration lines. */
+/** Quadrature of a law in one cell: few points where the law hardly bends in a full cell, otherwise Gauss points along integration
+ lines. */
 struct LawQuadrature {
-  int tensor;  // points each way, 0: lines
-  bool mild;   // lines: plain points will do
+  const PointRule* points;  // nullptr: lines
+  bool mild;                // lines: plain points will do
 };
 inline LawQuadrature chooseQuadrature(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape) {
   const double center = S[0] * R[0], half = 0.5 * (absolute(S[1]) + absolute(S[2])) * R[0];
   if (full) {
     const double ratio = smaller(larger(center, shape.atZero), shape.atOne - center) / half;
-    if (ratio > 2) return {ratio > 4 ? 3 : 4, false};
+    if (ratio > 2) return {ratio > 4 ? &kRadonRule : &kTensorRule, false};
   }
   // From the rim, strain 0, to the cell's deepest point.
   const double deepest = larger(center, 0.0) + half;
-  return {0, shape.atZero > 5 * deepest && shape.atOne > 10 * deepest};
-}
-
-/** Calls at(w, b) for the points of an interval of a line; the strain along it is strainAt(b). One place in the code calls `at`, so
- that it is compiled into the loop. */
-template <class StrainAt, class At>
-GENU_INLINE void forEachInnerPoint(const LawShape& shape, bool mild, double b0, double b1, const StrainAt& strainAt, const At& at) {
-  struct Points {
-    const double *x, *w;
-    int n;
-    double from, width;
-  } parts[2];
-  int count = 1;
-  const double width = b1 - b0, middle = 0.5 * (b0 + b1);
-  const auto graded = [&](double shallow, double deep, double strain) {
-    const GradedRule& rule = findGraded(shape, strain);
-    return Points{rule.x, rule.w, GradedRule::kPoints, shallow, deep - shallow};
-  };
-  if (mild) {  // nearly linear: a polynomial of degree 4 and little more
-    parts[0] = {Gauss<3>::x, Gauss<3>::w, 3, middle, width};
-  } else {
-    const double e0 = strainAt(b0), e1 = strainAt(b1);
-    if (b0 > -0.5 && b0 < 0.5 && b1 > -0.5 && b1 < 0.5) {  // between two rims
-      const double deep = strainAt(middle);
-      parts[0] = graded(b0, middle, deep);
-      parts[1] = graded(b1, middle, deep);
-      count = 2;
-    } else if (e0 < 0.5 * e1) {
-      parts[0] = graded(b0, b1, e1);
-    } else if (e1 < 0.5 * e0) {
-      parts[0] = graded(b1, b0, e0);
-    } else {
-      parts[0] = {Gauss<5>::x, Gauss<5>::w, 5, middle, width};
-    }
-  }
-  for (int i = 0; i < count; ++i) {
-    const Points& p = parts[i];
-    const double scale = absolute(p.width);
-    for (int k = 0; k < p.n; ++k) at(scale * p.w[k], p.from + p.width * p.x[k]);
-  }
-}
-
-/** Moments of a nonlinear law. `response` gives p, dp/dstrain and energy density at a strain. */
-template <bool WithEnergy, bool WithSlope, class Response>
-inline void calcLawMoments(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape,
-                           const Response& response, CellMoments& m) {
-  const LawQuadrature rule = chooseQuadrature(S, R, full, shape);
-  if (rule.tensor != 0) {
-    rule.tensor == 3 ? addTensor<3, WithEnergy, WithSlope>(S, R, response, m) : addTensor<4, WithEnergy, WithSlope>(S, R, response, m);
-    return;
-  }
-  Lines lines;
-  findLines(S, lines, rule.mild ? nullptr : &shape, R[0]);
-  const double q0 = lines.swapped ? R[2] : R[1], q1 = lines.swapped ? R[1] : R[2];
-  const double q00 = lines.swapped ? R[4] : R[3], q11 = lines.swapped ? R[3] : R[4];
-  // Sums over the inner variable: of P b^k, U b^k and the slopes' b^k.
-  double pressure[kSmooth] = {}, energies[kSmooth] = {}, slopeR[kMoments] = {}, slopeS[kMoments] = {};  // (outer, inner)
-  forEachInterval(lines, [&](double a, double weight, double b0, double b1) {
-    const double s0 = lines.s0 + a * (lines.sa + lines.saa * a), s1 = lines.sb + lines.sab * a, s2 = lines.sbb;
-    const double r0 = R[0] + a * (q0 + q00 * a);
-    double sumP[3] = {}, sumU[3] = {}, sumR[5] = {}, sumS[5] = {};
-    const auto at = [&](double w, double b) __attribute__((always_inline)) {
-      const double s = s0 + b * (s1 + s2 * b), r = r0 + b * (q1 + q11 * b);
-      double p = 0, dp = 0, energy = 0;
-      response(s * r, p, dp, energy);
-      const double b2 = b * b, wp = w * p;
-      sumP[0] += wp;
-      sumP[1] += wp * b;
-      sumP[2] += wp * b2;
-      if (WithEnergy) {
-        const double wu = w * energy;
-        sumU[0] += wu;
-        sumU[1] += wu * b;
-        sumU[2] += wu * b2;
-      }
-      if (WithSlope) {
-        const double b3 = b2 * b, b4 = b2 * b2, x = w * dp * r, y = w * dp * s;
-        sumR[0] += x;
-        sumR[1] += x * b;
-        sumR[2] += x * b2;
-        sumR[3] += x * b3;
-        sumR[4] += x * b4;
-        sumS[0] += y;
-        sumS[1] += y * b;
-        sumS[2] += y * b2;
-        sumS[3] += y * b3;
-        sumS[4] += y * b4;
-      }
-    };
-    const auto strainAt = [&](double b) { return larger(s0 + b * (s1 + s2 * b), 0.0) * (r0 + b * (q1 + q11 * b)); };
-    forEachInnerPoint(shape, rule.mild, b0, b1, strainAt, [&](double w, double b) __attribute__((always_inline)) { at(weight * w, b); });
-    const double a2 = a * a;
-    const auto addSmooth = [&](const double* sums, double* to) {  // 1, a, b, a^2, b^2
-      to[0] += sums[0];
-      to[1] += a * sums[0];
-      to[2] += sums[1];
-      to[3] += a2 * sums[0];
-      to[4] += sums[2];
-    };
-    addSmooth(sumP, pressure);
-    if (WithEnergy) addSmooth(sumU, energies);
-    if (WithSlope) {
-      double power = 1;
-      for (int j = 0; j <= 4; ++j) {
-        for (int k = 0; j + k <= 4; ++k) {
-          slopeR[momentIndex(j, k)] += power * sumR[k];
-          slopeS[momentIndex(j, k)] += power * sumS[k];
-        }
-        power *= a;
-      }
-    }
-  });
-  constexpr int kSwap[kSmooth] = {0, 2, 1, 4, 3};
-  for (int k = 0; k < kSmooth; ++k) {
-    m.pressure[k] = pressure[lines.swapped ? kSwap[k] : k];
-    m.energy[k] = energies[lines.swapped ? kSwap[k] : k];
-  }
-  if (WithSlope) {
-    unswap(lines.swapped, slopeR, m.slopeR);
-    unswap(lines.swapped, slopeS, m.slopeS);
-  }
-}
-
-/** Calls at(w, xi, eta) for the same points one by one. */
-template <class At>
-inline void forEachLawPoint(const double S[kMonomials], const double R[kSmooth], bool full, const LawShape& shape, const At& at) {
-  const LawQuadrature rule = chooseQuadrature(S, R, full, shape);
-  const auto tensor = [&](const auto& points, int n) {
-    for (int i = 0; i < n * n; ++i) at(points.moments[i][0], points.xi[i], points.eta[i]);
-  };
-  if (rule.tensor == 3) return tensor(kTensor<3>, 3);
-  if (rule.tensor == 4) return tensor(kTensor<4>, 4);
-  Lines lines;
-  findLines(S, lines, rule.mild ? nullptr : &shape, R[0]);
-  forEachInterval(lines, [&](double a, double weight, double b0, double b1) {
-    const auto place = [&](double b, double& xi, double& eta) {
-      xi = lines.swapped ? b : a;
-      eta = lines.swapped ? a : b;
-    };
-    const auto strainAt = [&](double b) {
-      double xi, eta;
-      place(b, xi, eta);
-      return larger(evaluateAt(S, xi, eta), 0.0) * evaluateSmoothAt(R, xi, eta);
-    };
-    forEachInnerPoint(shape, rule.mild, b0, b1, strainAt, [&](double w, double b) {
-      double xi, eta;
-      place(b, xi, eta);
-      at(weight * w, xi, eta);
-    });
-  });
-}
-
-/** Moments of layers in series, whose law depends on the place through the share Q of the fixed layer. `respond(strain, share, answer)`
- gives p, dp/dstrain, energy density and dp/dshare. */
-template <bool WithSlope, class Respond>
-inline void calcSharedMoments(const double S[kMonomials], const double R[kSmooth], const double Q[kSmooth], bool full,
-                              const LawShape& shape, const Respond& respond, CellMoments& m) {
-  for (int k = 0; k < kSmooth; ++k) m.pressure[k] = m.energy[k] = 0;
-  for (int k = 0; k < kMoments; ++k) m.slopeR[k] = m.slopeS[k] = m.slopeShare[k] = 0;
-  forEachLawPoint(S, R, full, shape, [&](double w, double xi, double eta) {
-    const double s = evaluateAt(S, xi, eta), r = evaluateSmoothAt(R, xi, eta);
-    double answer[4];
-    respond(s * r, evaluateSmoothAt(Q, xi, eta), answer);
-    const double monomial[kSmooth] = {1, xi, eta, xi * xi, eta * eta};
-    for (int k = 0; k < kSmooth; ++k) {
-      m.pressure[k] += w * answer[0] * monomial[k];
-      m.energy[k] += w * answer[2] * monomial[k];
-    }
-    if (!WithSlope) return;
-    double powerXi = w;
-    for (int a = 0; a <= 4; ++a) {
-      double power = powerXi;
-      for (int b = 0; a + b <= 4; ++b) {
-        m.slopeR[momentIndex(a, b)] += answer[1] * r * power;
-        m.slopeS[momentIndex(a, b)] += answer[1] * s * power;
-        m.slopeShare[momentIndex(a, b)] += answer[3] * power;
-        power *= eta;
-      }
-      powerXi *= xi;
-    }
-  });
+  return {nullptr, shape.atZero > 5 * deepest && shape.atOne > 10 * deepest};
 }
 
 }  // namespace

@@ -3,7 +3,9 @@
 // What a contact pair and its workspace hold.
 
 #include <array>
+#include <cstdint>
 #include <memory>
+#include <new>
 #include <variant>
 #include <vector>
 
@@ -18,8 +20,19 @@ namespace genu::contact {
 
 namespace detail {
 
-/** Numbers that the kernels read eight at a time. */
-using Numbers = std::vector<double>;
+/** Numbers that the kernels read eight at a time: lines of 64 bytes, which must not straddle two of the cache. */
+template <class T>
+struct LineAllocator {
+  using value_type = T;
+  LineAllocator() = default;
+  template <class U>
+  explicit LineAllocator(const LineAllocator<U>&) {}
+  T* allocate(size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), std::align_val_t{64})); }
+  void deallocate(T* p, size_t) { ::operator delete(p, std::align_val_t{64}); }
+  friend bool operator==(const LineAllocator&, const LineAllocator&) { return true; }
+  friend bool operator!=(const LineAllocator&, const LineAllocator&) { return false; }
+};
+using Numbers = std::vector<double, LineAllocator<double>>;
 
 /** How the moving body's layer is found for one foot. */
 enum class MovingLayer { none, constant, plane, map };
@@ -47,7 +60,9 @@ struct Compartment {
   std::vector<double> area_m2, hF_m;
   Numbers place;  // the four above together, see CellKernel.h
   std::vector<unsigned char> neighbors;  // of each element, as a mask (CellRule.h)
+  std::vector<std::uint16_t> freshNodes;  // of each element, as a mask: places in its stencil that the element before has not
   double stencilReach_m = 0;  // largest distance of a stencil's node from its element
+  std::vector<double> cellReach_m;  // of each element: how far the polynomial through its nodes' places goes from its centre
   std::vector<ThicknessNote> note;
   std::array<Vec3, 8> corner_F;  // box around all nodes
   size_t size() const { return static_cast<size_t>(elements); }
@@ -87,10 +102,11 @@ struct CompartmentMemory {
   Numbers s, r, load, weight, adjoint, share, byShare; // see CellGrid
   Numbers gradient;                    // energy form only, see EnergyRule.h
   std::vector<unsigned long> touched;
-  std::vector<int> nodes;              // queried in this evaluation
+  std::vector<int> nodes;              // queried in this evaluation: the first numNodes
+  size_t numNodes = 0;
   Numbers query;
   // Smooth rule, of elements:
-  std::vector<int> candidates, candidateMask;
+  std::vector<int> due, candidates, candidateMask;
   Numbers candidateBound;
   std::vector<CellTask> tasks;         // cells that may be in contact, in element order
   Numbers cells;                       // their results, see CellKernel.h

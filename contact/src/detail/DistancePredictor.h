@@ -1,19 +1,24 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
 
 #include "TrackedFoot.h"
+#include "genu/contact/ContactSurface.h"
 
 namespace genu::contact::detail {
 
 /** What an element's last test tells about a pose nearby, without a query. */
-struct ElementLook {
-  double bound_m;             // largest value of s in the cell then
-  double p_MA[3], normal[3];  // its centre, and the normal at the centre's foot
-  double turn;                // CompartmentMemory::turn then
-  double spread;              // how far the normals at its nodes' feet differ from that
+struct alignas(64) ElementLook {
+  double bound_m;                // largest value of s in the cell then
+  double p_MA[3], normal_M[3];   // its centre, and the normal at the centre's foot
+  double spread;                 // how far the normals, a polynomial through those of its nodes, differ from that within the cell
+  double normal_F[3];            // the same normal, turned by the pose then
+  double turn;                   // CompartmentMemory::turn then
+  double radius_m;               // least radius of curvature, less the centre's absolute distance
+  double reach_m;                // the prediction holds while no node moves as far as this
 };
 
 /** How far a moving surface lets the signed distance of points change. */
@@ -22,22 +27,21 @@ class DistancePredictor {
   explicit DistancePredictor(const ContactSurface& surface);
   /** Treats what lies outside [u0, u1] x [v0, v1] of a patch as beyond an open border. */
   void restrict(int patch, const std::array<double, 4>& uv);
-  /** Bound of the change of s at points within reach_m of one whose foot is known, beyond -normal . shift, when that one shifts by
-   shift_m, the others by at most lever_m more or less, and their normals differ from its own by at most `spread`; infinite where
-   that cannot be told: on the way out of the zone where feet are unique, or near an open border. */
-  double calcError(const TrackedFoot& foot, double reach_m, double spread, double shift_m, double lever_m) const {
-    constexpr double kInfinity = 1e300;
-    const double way_m = shift_m + lever_m, span_m = reach_m + way_m;
-    if (foot.patch < 0 || !(std::abs(foot.distance_m) + span_m < safe_m_)) return kInfinity;
+  /** How far the query point of a foot may move before the foot can reach an open border, half of what its first derivatives
+   tell; 0 where there is no foot. */
+  double calcBorderMargin_m(const TrackedFoot& foot) const {
+    if (foot.patch < 0) return 0;
     const Borders& b = borders_[static_cast<size_t>(foot.patch)];
-    if (b.open) {
-      const double* j = foot.duvdQ;
-      const double du = 2 * span_m * std::sqrt(j[0] * j[0] + j[1] * j[1] + j[2] * j[2]);
-      const double dv = 2 * span_m * std::sqrt(j[3] * j[3] + j[4] * j[4] + j[5] * j[5]);
-      if (!(foot.u - du > b.u0 && foot.u + du < b.u1 && foot.v - dv > b.v0 && foot.v + dv < b.v1)) return kInfinity;
-    }
-    return lever_m + spread * shift_m + 0.5 * largestCurvature_perM_ * way_m * way_m;
+    if (!b.open) return 1e300;
+    const double* j = foot.duvdQ;
+    const double perU = 2 * std::sqrt(j[0] * j[0] + j[1] * j[1] + j[2] * j[2]);
+    const double perV = 2 * std::sqrt(j[3] * j[3] + j[4] * j[4] + j[5] * j[5]);
+    return std::min(std::min(foot.u - b.u0, b.u1 - foot.u) / perU, std::min(foot.v - b.v0, b.v1 - foot.v) / perV);
   }
+  /** Least radius of curvature of the surface: three quarters of its smallest medial ball's, which is known from samples. */
+  double leastRadius_m() const { return 1.5 * safe_m_; }
+  /** Feet are unique within this distance. */
+  double safe_m() const { return safe_m_; }
 
  private:
   struct Borders {
@@ -45,7 +49,7 @@ class DistancePredictor {
     bool open;
   };
   std::vector<Borders> borders_;
-  double safe_m_, largestCurvature_perM_;
+  double safe_m_;
 };
 
 }  // namespace genu::contact::detail

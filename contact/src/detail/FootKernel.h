@@ -25,6 +25,7 @@ struct PatchTables {
   // Largest second and third derivatives in units of the tangents, e.g. |S_uv| / (|S_u| |S_v|) [1/m], [1/m^2]. They bound the
   // residual that one more Newton step would leave. Infinite where a pole makes tangents vanish.
   double bend_perM, twist_perM2;
+  int firstSpan;               // number of the patch's first span among those of the surface
   bool rational;
 };
 
@@ -38,6 +39,7 @@ struct FootSearch {
   double u, v;  // in: start; out: see FootOutcome
   double residual_m;
   int iterations;
+  double p_MB[3];  // found: the foot
 };
 
 /** Plain Newton on |S - Q|^2 / 2 from (u, v). Gives up rather than guess: no positive definite Hessian, steps that do not
@@ -46,19 +48,11 @@ struct FootSearch {
 using SolveFoot = FootOutcome (*)(const PatchTables& patch, const double* Q, FootSearch& search, FootDerivatives derivatives,
                                   TrackedFoot& foot);
 
-namespace baseline {
-FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, FootDerivatives, TrackedFoot&);
-}
-namespace avx2 {
-FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, FootDerivatives, TrackedFoot&);
-}
-namespace avx512 {
-FootOutcome solveFoot(const PatchTables&, const double*, FootSearch&, FootDerivatives, TrackedFoot&);
-}
-
-/** The one in use: the widest that the processor has, or the one forced. */
-SolveFoot activeSolveFoot();
-/** For tests: "baseline", "avx2", "avx512"; nullptr chooses again. False when the processor or the build lacks it. */
-bool forceInstructionSet(const char* name);
+/** The same for many tracked feet, those of one knot span side by side in the lanes of vectors: from each one's memory, moved by
+ its first-order predictor. Sets feet[ids[i]] for the query points Q[3 i .. 3 i + 2] where it succeeds and the distance lies in
+ (-safeInside, safeOutside); lists the others (their i, ascending) in `left` and returns their number. count <= kFeetAtOnce. */
+using SolveFeet = int (*)(const PatchTables* patches, double safeInside_m, double safeOutside_m, const double* Q, const int* ids,
+                          int count, FootDerivatives derivatives, TrackedFoot* feet, int* left);
+constexpr int kFeetAtOnce = 64;
 
 }  // namespace genu::contact::detail

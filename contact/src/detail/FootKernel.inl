@@ -1,3 +1,5 @@
+#pragma once
+
 // Body of the fast solver; included once per instruction set with GENU_ISA set to its namespace. No library headers but
 // plain data, see FootKernel.h.
 
@@ -26,7 +28,7 @@ FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search,
     const double *su = patch.u.spans + 3 * i, *sv = patch.v.spans + 3 * j;
     const double s = (u - su[0]) * su[1], t = (v - sv[0]) * sv[1];
     const long stride = (patch.u.degree + 1) * (patch.v.degree + 1) * 4;
-    Values o = evaluateSpan<PU, PV>(patch.u.degree, patch.v.degree,
+    Values<V4> o = evaluateSpan<PU, PV>(patch.u.degree, patch.v.degree,
                                     patch.coefficients + (static_cast<long>(i) * patch.v.numSpans + j) * stride, s, t);
     if (kRational) {  // quotient rule on A / w (Piegl & Tiller eq. 4.20); derivatives get a zero fourth lane
       const double w = 1 / get(o.f, 3);
@@ -78,7 +80,7 @@ FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search,
       const V4 N = cross(xs, xt);
       const double scale = patch.normalSign / __builtin_sqrt(dot3(N, N));
       const V4 n = N * scale;
-      store(B, foot.p_MB);
+      store(B, search.p_MB);
       store(n, foot.normal);
       foot.distance_m = dot3(n, q - B);
       if (derivatives != FootDerivatives::none) {
@@ -103,8 +105,6 @@ FootOutcome solve(const PatchTables& patch, const double* Q, FootSearch& search,
   return FootOutcome::failed;
 }
 
-}  // namespace
-
 FootOutcome solveFoot(const PatchTables& patch, const double* Q, FootSearch& search, FootDerivatives derivatives, TrackedFoot& foot) {
   const int pu = patch.u.degree, pv = patch.v.degree;
   if (pu == 3 && pv == 3) {
@@ -118,5 +118,7 @@ FootOutcome solveFoot(const PatchTables& patch, const double* Q, FootSearch& sea
   return patch.rational ? solve<0, 0, true>(patch, Q, search, derivatives, foot)
                         : solve<0, 0, false>(patch, Q, search, derivatives, foot);
 }
+
+}  // namespace
 
 }  // namespace genu::contact::detail::GENU_ISA

@@ -85,25 +85,28 @@ inline bool locate(const PatchTables::Direction& d, double& x) {
   return true;
 }
 
+/** Value and derivatives of sum_ab c_ab s^a t^b: f, fs, ft, half of fss and of ftt, fst. */
+template <class T>
 struct Values {
-  V4 f, fs, ft, halfFss, fst, halfFtt;
+  T f, fs, ft, halfFss, fst, halfFtt;
 };
 
-/** Horner in both directions, derivatives carried along. The first rounds only start the sums. */
-template <int PU, int PV>
-inline Values evaluateSpan(int pu, int pv, const double* c, double s, double t) {
+/** Horner in both directions, derivatives carried along; coefficient(i) gives c_ab, i = a (nv + 1) + b. The first rounds only start
+ the sums. */
+template <int PU, int PV, class T, class S, class Coefficient>
+inline Values<T> evaluateHorner(int pu, int pv, const Coefficient& coefficient, S s, S t) {
   const int nu = PU > 0 ? PU : pu, nv = PV > 0 ? PV : pv;
-  const V4 zero = make(0, 0, 0, 0);
-  Values o = {zero, zero, zero, zero, zero, zero};
+  const T zero = {};
+  Values<T> o = {zero, zero, zero, zero, zero, zero};
 #pragma GCC unroll 6
   for (int k = 0; k <= nu; ++k) {
-    const double* row = c + (nu - k) * (nv + 1) * 4;
-    V4 r0 = load(row + nv * 4), r1 = zero, r2 = zero;
+    const int row = (nu - k) * (nv + 1);
+    T r0 = coefficient(row + nv), r1 = zero, r2 = zero;
 #pragma GCC unroll 6
     for (int m = 0; m < nv; ++m) {
       r2 = m == 0 ? zero : m == 1 ? r1 : r2 * t + r1;
       r1 = m == 0 ? r0 : r1 * t + r0;
-      r0 = r0 * t + load(row + (nv - 1 - m) * 4);
+      r0 = r0 * t + coefficient(row + nv - 1 - m);
     }
     o.halfFss = k < 2 ? zero : k == 2 ? o.fs : o.halfFss * s + o.fs;
     o.fs = k == 0 ? zero : k == 1 ? o.f : o.fs * s + o.f;
@@ -113,6 +116,11 @@ inline Values evaluateSpan(int pu, int pv, const double* c, double s, double t) 
     o.halfFtt = k == 0 ? r2 : o.halfFtt * s + r2;
   }
   return o;
+}
+
+template <int PU, int PV>
+inline Values<V4> evaluateSpan(int pu, int pv, const double* c, double s, double t) {
+  return evaluateHorner<PU, PV, V4>(pu, pv, [c](int i) { return load(c + 4 * i); }, s, t);
 }
 
 }  // namespace

@@ -25,17 +25,4 @@ struct RayHit {
  where Newton wanted to go. The derivatives only if wanted. */
 using SolveRay = FootOutcome (*)(const PatchTables& patch, const double* A, const double* n, bool derivatives, RayHit& hit);
 
-namespace baseline {
-FootOutcome solveRay(const PatchTables&, const double*, const double*, bool, RayHit&);
-}
-namespace avx2 {
-FootOutcome solveRay(const PatchTables&, const double*, const double*, bool, RayHit&);
-}
-namespace avx512 {
-FootOutcome solveRay(const PatchTables&, const double*, const double*, bool, RayHit&);
-}
-
-/** The one for the instruction set in use. */
-SolveRay activeSolveRay();
-
 }  // namespace genu::contact::detail

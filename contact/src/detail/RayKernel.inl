@@ -27,7 +27,7 @@ FootOutcome shoot(const PatchTables& patch, const double* A, const double* n, bo
     const double *su = patch.u.spans + 3 * i, *sv = patch.v.spans + 3 * j;
     const double s = (u - su[0]) * su[1], t = (v - sv[0]) * sv[1];
     const long stride = (patch.u.degree + 1) * (patch.v.degree + 1) * 4;
-    Values o = evaluateSpan<PU, PV>(patch.u.degree, patch.v.degree,
+    Values<V4> o = evaluateSpan<PU, PV>(patch.u.degree, patch.v.degree,
                                     patch.coefficients + (static_cast<long>(i) * patch.v.numSpans + j) * stride, s, t);
     if (kRational) {  // quotient rule on A / w (Piegl & Tiller eq. 4.20); derivatives get a zero fourth lane
       const double w = 1 / get(o.f, 3);
@@ -97,8 +97,6 @@ FootOutcome shoot(const PatchTables& patch, const double* A, const double* n, bo
   return FootOutcome::failed;
 }
 
-}  // namespace
-
 FootOutcome solveRay(const PatchTables& patch, const double* A, const double* n, bool derivatives, RayHit& hit) {
   const int pu = patch.u.degree, pv = patch.v.degree;
   if (pu == 3 && pv == 3) {
@@ -109,5 +107,7 @@ FootOutcome solveRay(const PatchTables& patch, const double* A, const double* n,
   }
   return patch.rational ? shoot<0, 0, true>(patch, A, n, derivatives, hit) : shoot<0, 0, false>(patch, A, n, derivatives, hit);
 }
+
+}  // namespace
 
 }  // namespace genu::contact::detail::GENU_ISA

@@ -98,8 +98,8 @@ struct ContactSurface::Search {
   void fillCells(const std::vector<NurbsPatch>& patches, const Eigen::AlignedBox3d& box);
 
   /** Fast Newton from `at`, across connected edges; false: take the safeguarded solver. */
-  bool solveFast(const double* Q, SurfaceParameter& at, detail::FootDerivatives derivatives, detail::TrackedFoot& foot, double& residual_m,
-                 int& iterations) const;
+  bool solveFast(const double* Q, SurfaceParameter& at, detail::FootDerivatives derivatives, detail::TrackedFoot& foot,
+                 detail::FootSearch& search) const;
   /** Where (u, v) lies beyond an edge of at.patch: moves to where the neighbour begins. False at an open border. */
   bool crossEdge(SurfaceParameter& at, double& u, double& v) const;
   /** Fast Newton for the ray A + t n from `at`, across connected edges; the hit counts only if it is the first by the rule of

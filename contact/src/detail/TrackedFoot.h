@@ -8,17 +8,20 @@ class ContactSurface;
 
 namespace genu::contact::detail {
 
-/** Closest point of one moving query point, kept between evaluations (frame M). */
-struct TrackedFoot {
+/** Closest point of one moving query point, kept between evaluations (frame M). Three lines of eight numbers, which the
+ kernels read and write whole. */
+struct alignas(64) TrackedFoot {
   double u, v;                 ///< foot parameters
   double duvdQ[6];             ///< rows du/dQ, dv/dQ: first-order predictor, and for the stiffness
   double Q[3];                 ///< query point it belongs to [m]
-  double p_MB[3];              ///< foot
-  double normal[3];            ///< unit outward normal at the foot
-  double nu[3], nv[3];         ///< dn/du, dn/dv: dn/dQ = nu (x) du/dQ + nv (x) dv/dQ is the Hessian of the signed distance
   double distance_m;           ///< signed, > 0 outside
+  double normal[3];            ///< unit outward normal at the foot
   int patch;                   ///< -1: never queried
   QueryStatus status;
+  double nu[3], nv[3];         ///< dn/du, dn/dv: dn/dQ = nu (x) du/dQ + nv (x) dv/dQ is the Hessian of the signed distance
+
+  /** One coordinate of the foot, to within the tolerance of the query; converged ones only. */
+  double calcFoot_m(int axis) const { return Q[axis] - distance_m * normal[axis]; }
 };
 
 /** What a query is to set beside the foot: nothing, duvdQ, or nu and nv too. */
