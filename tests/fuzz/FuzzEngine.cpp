@@ -21,6 +21,9 @@ std::vector<double> makeKnots(int degree, double inner) {
   return knots;
 }
 
+/** The order in which a call's arguments are read is the compiler's choice, that of a braced list is not. */
+Vec3 readVec(Source& source) { return Vec3{source.next(), source.next(), source.next()}; }
+
 /** `sheet`: a height field that a coarse grid follows. */
 NurbsPatch readPatch(Source& source, double scale_m, bool& sheet) {
   NurbsPatchData d;
@@ -35,7 +38,7 @@ NurbsPatch readPatch(Source& source, double scale_m, bool& sheet) {
   sheet = shape == 3 && !rational;
   for (int i = 0; i < d.numU; ++i) {
     for (int j = 0; j < d.numV; ++j) {
-      Vec3 p(source.next(), source.next(), source.next());
+      Vec3 p = readVec(source);
       if (shape == 1 && i == 0) p = Vec3(0, 0.1, 0);          // a pole
       if (shape == 2 && i > 0 && j == 0) p = d.points[0] * (1 / scale_m);  // an edge shrunk to a point
       if (shape == 3) p = Vec3(static_cast<double>(i) / d.numU - 0.4, 0.1 * p.y(), static_cast<double>(j) / d.numV - 0.4);  // a sheet
@@ -69,10 +72,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     bool sheet = false;
     patches.push_back(readPatch(source, scale_m, sheet));
     const auto moving = std::make_shared<const ContactSurface>(std::move(patches));
-    const Vec3 Q = 2 * scale_m * Vec3(source.next(), source.next(), source.next());
+    const Vec3 Q = 2 * scale_m * readVec(source);
     const ClosestPoint foot = moving->findClosestPoint(Q);
     require(foot.status == QueryStatus::notConverged || std::isfinite(foot.distance_m));
-    const FirstHit hit = moving->findFirstHit(Q, Vec3(source.next(), source.next(), 1).normalized());
+    const FirstHit hit = moving->findFirstHit(Q, Vec3{source.next(), source.next(), 1}.normalized());
     require(hit.status != HitStatus::hit || std::isfinite(hit.t_m));
 
     ContactPairDefinition d;

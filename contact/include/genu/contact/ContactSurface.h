@@ -61,6 +61,7 @@ const char* activeInstructionSet();
      |distance| < safeDistanceInside()/Outside(); otherwise the global search decides;
    - nothing (cold start): best-first search over a hierarchy of boxes around sub-patches.
  @post if status == converged: |(B-Q).S_u| <= tol |S_u| and the same for v (within a hair of a pole: 1e-10 of the patch's size; at a sharp tip the distance is along the connecting line).
+ tol is kDefaultTolerance_m, or 8e-16 of the patch's size or of the distance where that is more.
  Immutable and thread-safe. Queries allocate nothing. */
 class ContactSurface {
  public:
@@ -97,7 +98,8 @@ class ContactSurface {
    where |t| < R cos(theta), R = safeDistanceOutside (t > 0) or Inside (t < 0), cos(theta) = -normal . n: the ball of radius R
    that touches the surface at C on A's side holds no other surface point, and the line within |t| of A runs inside it up
    to C. Otherwise every crossing within |t| of A is looked for, and if there is another, all of them decide. Crossings within
-   1e-3 rad of the tangent plane do not count. Across patch borders the search goes on along connected edges.
+   1e-3 rad of the tangent plane do not count; a line within the surface, or nearly so, ends as notConverged. Across patch
+   borders the search goes on along connected edges.
    @post if status == hit: |(S(u, v) - A) x n| <= tol */
   FirstHit findFirstHit(const Vec3& p_MA, const Vec3& direction_M, const SurfaceParameter* seed = nullptr) const;
 
