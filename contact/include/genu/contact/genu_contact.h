@@ -24,6 +24,13 @@
 #define GENU_API
 #endif
 
+/* A number that names nothing is an error that is reported, so an enumeration must be able to hold it. */
+#ifdef __cplusplus
+#define GENU_ENUM(name) enum name : int
+#else
+#define GENU_ENUM(name) enum name
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -33,7 +40,7 @@ GENU_API const char* genu_version(void);
 
 /* ---- Errors ---- */
 
-typedef enum genu_status {
+typedef GENU_ENUM(genu_status) {
   GENU_OK = 0,
   GENU_EXTRAPOLATED = 1,     /* some element is beyond d/h = 0.95: results are given, with care */
   GENU_FULL_PENETRATION = 2, /* d >= h somewhere, or a surface that faces away: the result has no meaning */
@@ -58,7 +65,7 @@ typedef struct genu_pair genu_pair;           /* immutable */
 typedef struct genu_workspace genu_workspace; /* one per thread */
 
 /* Which side is material; the outward normal points away from it. Fixed surface: below. Moving height field: above. */
-typedef enum genu_solid { GENU_SOLID_BELOW = 0, GENU_SOLID_ABOVE = 1, GENU_SOLID_INSIDE = 2 } genu_solid;
+typedef GENU_ENUM(genu_solid) { GENU_SOLID_BELOW = 0, GENU_SOLID_ABOVE = 1, GENU_SOLID_INSIDE = 2 } genu_solid;
 
 /* One untrimmed NURBS patch. Degrees 1 to 5; num_knots_u = num_u + degree_u + 1, likewise v; `points` are num_u * num_v
    triples [m], v running fastest; `weights` in the same order, > 0, NULL: all 1. The outward normal is S_u x S_v, turned
@@ -105,7 +112,7 @@ GENU_API int genu_surface_num_patches(const genu_surface* surface);
 
 /* ---- Contact pairs ---- */
 
-typedef enum genu_thickness_kind {
+typedef GENU_ENUM(genu_thickness_kind) {
   GENU_THICKNESS_NONE = 0,         /* rigid */
   GENU_THICKNESS_CONSTANT = 1,     /* value: h [m] */
   GENU_THICKNESS_ABOVE_PLANE = 2,  /* value: y of the plane [m] */
@@ -125,7 +132,7 @@ typedef struct genu_thickness {
 } genu_thickness;
 
 /* Laws: docs/theory.md. */
-typedef enum genu_law { GENU_LINEAR = 0, GENU_POWER_LAW = 1, GENU_POWER_LAW_CONSISTENT = 2 } genu_law;
+typedef GENU_ENUM(genu_law) { GENU_LINEAR = 0, GENU_POWER_LAW = 1, GENU_POWER_LAW_CONSISTENT = 2 } genu_law;
 
 typedef struct genu_material {
   genu_law law;
@@ -144,21 +151,21 @@ typedef struct genu_compartment {
   const genu_surface* moving; /* in M */
 } genu_compartment;
 
-typedef enum genu_strain { GENU_STRAIN_SMALL = 0, GENU_STRAIN_LARGE = 1 } genu_strain;
-typedef enum genu_correction {
+typedef GENU_ENUM(genu_strain) { GENU_STRAIN_SMALL = 0, GENU_STRAIN_LARGE = 1 } genu_strain;
+typedef GENU_ENUM(genu_correction) {
   GENU_CORRECTION_MIDSURFACE = 0, /* d = AB / cos(theta/2), force along the bisector */
   GENU_CORRECTION_NONE = 1,       /* distance and force along the minimum distance: conservative; ray: along the ray */
   GENU_CORRECTION_ENERGY = 2      /* distance as midsurface, load minus the gradient of the energy: conservative; smooth rule only */
 } genu_correction;
-typedef enum genu_distance {
+typedef GENU_ENUM(genu_distance) {
   GENU_DISTANCE_MINIMUM = 0, /* AB, to the closest point of the moving surface */
   GENU_DISTANCE_RAY = 1      /* AC, along the normal to the first hit, d = AC cos(theta) / cos(theta/2); centre rule only */
 } genu_distance;
-typedef enum genu_rule {
+typedef GENU_ENUM(genu_rule) {
   GENU_RULE_SMOOTH = 0, /* pressure is integrated over the part of each cell in contact: the load is C1 in the pose */
   GENU_RULE_CENTRE = 1  /* whole cells, by their centre: the load jumps as cells switch; no stiffness */
 } genu_rule;
-typedef enum genu_tracking {
+typedef GENU_ENUM(genu_tracking) {
   GENU_TRACKING_LIPSCHITZ = 0,              /* exact culling */
   GENU_TRACKING_ALL = 1,                    /* every element, every time */
   GENU_TRACKING_BREADTH_FIRST = 2,          /* search from the last contact, then what it did not reach: exact */
@@ -166,10 +173,10 @@ typedef enum genu_tracking {
 } genu_tracking;
 
 /* Which body's surface is divided into elements; distances are measured from there to the other one. */
-typedef enum genu_grid_on { GENU_GRID_ON_FIXED = 0, GENU_GRID_ON_MOVING = 1 } genu_grid_on;
+typedef GENU_ENUM(genu_grid_on) { GENU_GRID_ON_FIXED = 0, GENU_GRID_ON_MOVING = 1 } genu_grid_on;
 
 /* The surface a grid is laid out on before it is projected, in the frame of the body that carries it. */
-typedef enum genu_element_surface_kind {
+typedef GENU_ENUM(genu_element_surface_kind) {
   GENU_ELEMENTS_PLANE_UP = 0,         /* along +y onto the highest upward crossing; ranges: the compartment's x0 .. z1 */
   GENU_ELEMENTS_PLANE_DOWN = 1,       /* along -y onto the lowest downward crossing: a femoral condyle */
   GENU_ELEMENTS_CYLINDER_OUTWARD = 2, /* radially from an axis onto the farthest crossing that faces outward */
@@ -353,7 +360,7 @@ GENU_API genu_status genu_pair_fields(const genu_pair* pair, const genu_workspac
 /* ---- Error estimate ---- */
 
 /* Second grid that an evaluation is compared with. */
-typedef enum genu_companion {
+typedef GENU_ENUM(genu_companion) {
   GENU_COMPANION_FINE = 0,  /* every cell split in four: about three times the cost of the evaluation */
   GENU_COMPANION_COARSE = 1 /* half as many cells each way: about a third of the cost; less sharp */
 } genu_companion;
