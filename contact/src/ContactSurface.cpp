@@ -59,6 +59,31 @@ bool edgeShrinks(const NurbsPatch& patch, bool fixU, double value, double size) 
   return true;
 }
 
+double justBelow(double knot) { return std::nextafter(knot, -kInfinity); }
+
+/** Knots inside the domain across which the normal jumps. */
+std::vector<double> findCreases(const NurbsPatch& patch, bool alongU) {
+  const NurbsPatchData& data = patch.data();
+  const std::vector<double>& knots = alongU ? data.knotsU : data.knotsV;
+  const std::vector<double>& breaks = alongU ? patch.breaksU() : patch.breaksV();
+  const double lo = alongU ? patch.vMin() : patch.uMin(), hi = alongU ? patch.vMax() : patch.uMax();
+  std::vector<double> creases;
+  for (size_t i = 1; i + 1 < breaks.size(); ++i) {
+    const double knot = breaks[i];
+    if (std::count(knots.begin(), knots.end(), knot) < (alongU ? data.degreeU : data.degreeV)) continue;
+    double jump = 0;
+    constexpr int kSamples = 33;
+    for (int k = 0; k < kSamples; ++k) {
+      const double at = lo + (hi - lo) * (k + 0.5) / kSamples, before = justBelow(knot);
+      const Vec3 a = alongU ? patch.calcNormal(before, at) : patch.calcNormal(at, before);
+      const Vec3 b = alongU ? patch.calcNormal(knot, at) : patch.calcNormal(at, knot);
+      jump = std::max(jump, (a - b).norm());
+    }
+    if (jump > 1e-6) creases.push_back(knot);
+  }
+  return creases;
+}
+
 PatchInfo makeInfo(const NurbsPatch& patch) {
   PatchInfo info;
   Eigen::AlignedBox3d box;
@@ -74,7 +99,97 @@ PatchInfo makeInfo(const NurbsPatch& patch) {
             patch.uMax() - (info.poleU1 ? hairU : 0)};
   info.v = {patch.vMin(), patch.vMax(), patch.isClosedV(), patch.vMin() + (info.poleV0 ? hairV : 0),
             patch.vMax() - (info.poleV1 ? hairV : 0)};
+  info.creasesU = findCreases(patch, true);
+  info.creasesV = findCreases(patch, false);
   return info;
+}
+
+/** The crease nearest to a parameter, NaN when none is near. */
+double findCreaseNear(const std::vector<double>& creases, double t, const Domain& domain) {
+  double best = std::numeric_limits<double>::quiet_NaN(), least = 0.01 * (domain.hi - domain.lo);
+  for (const double crease : creases) {
+    if (std::abs(t - crease) > least) continue;
+    least = std::abs(t - crease);
+    best = crease;
+  }
+  return best;
+}
+
+/** A foot on a crease or where two creases cross, near (u, v): the distance grows on all sides, but nowhere is it stationary, and
+ Newton jumps from side to side. False: there is none. */
+bool solveOnCrease(const NurbsPatch& patch, const PatchInfo& info, const Vec3& Q, double tol, double u, double v, ClosestPoint& result) {
+  SurfaceDerivatives d;
+  const auto slope = [&](double a, double b, bool alongU) {
+    detail::evaluatePatch(patch, a, b, d);
+    const Vec3& T = alongU ? d.Su : d.Sv;
+    const double length = T.norm();
+    return length > 0 ? (d.S - Q).dot(T) / length : 0;
+  };
+  const auto growsAcrossU = [&](double a, double b) { return slope(a, b, true) >= -tol && slope(justBelow(a), b, true) <= tol; };
+  const auto growsAcrossV = [&](double a, double b) { return slope(a, b, false) >= -tol && slope(a, justBelow(b), false) <= tol; };
+  bool atBorder = false;
+  double residual = 0;
+  // Nearest point of a line of constant v (alongU) or u.
+  const auto followLine = [&](double& a, double& b, bool alongU) {
+    const Domain& domain = alongU ? info.u : info.v;
+    double& t = alongU ? a : b;
+    const double range = domain.hi - domain.lo;
+    t = domain.fit(t);
+    for (int i = 0; i < kMaxIterations; ++i) {
+      const double g = slope(a, b, alongU);
+      const bool outward = !domain.closed && ((t <= domain.clampLo && g > 0) || (t >= domain.clampHi && g < 0));
+      atBorder = outward && std::abs(g) > tol;
+      residual = outward ? 0 : std::abs(g);
+      if (std::abs(g) <= tol || outward) return true;
+      const Vec3& T = alongU ? d.Su : d.Sv;
+      const double length = T.norm(), f = (d.S - Q).squaredNorm();
+      const double bend = 1 + (d.S - Q).dot(alongU ? d.Suu : d.Svv) / (length * length);
+      double step = -g / (length * std::max(std::abs(bend), 1e-3));
+      step = std::min(std::max(step, -0.25 * range), 0.25 * range);
+      const double from = t;
+      for (int halving = 0; halving < 30; ++halving, step *= 0.5) {
+        t = domain.fit(from + step);
+        detail::evaluatePatch(patch, a, b, d);
+        if ((d.S - Q).squaredNorm() <= f * (1 + 1e-14)) break;
+      }
+      if (t == from) return residual <= 100 * tol;  // the step is below the resolution of the parameter
+    }
+    return false;
+  };
+  double creaseU = findCreaseNear(info.creasesU, u, info.u), creaseV = findCreaseNear(info.creasesV, v, info.v);
+  double a = u, b = creaseV;
+  bool found = false;
+  if (!std::isnan(creaseV)) {
+    found = followLine(a, b, true) && growsAcrossV(a, b);
+    if (!found && std::isnan(creaseU)) creaseU = findCreaseNear(info.creasesU, a, info.u);
+  }
+  if (!found && !std::isnan(creaseU)) {
+    a = creaseU;
+    b = v;
+    found = followLine(a, b, false) && growsAcrossU(a, b);
+    if (!found && std::isnan(creaseV)) creaseV = findCreaseNear(info.creasesV, b, info.v);
+  }
+  if (!found && !std::isnan(creaseU) && !std::isnan(creaseV)) {
+    a = creaseU;
+    b = creaseV;
+    atBorder = false;
+    residual = 0;
+    found = growsAcrossU(a, b) && growsAcrossV(a, b);
+  }
+  if (!found) return false;
+  const double beforeA = a == creaseU ? justBelow(a) : a, beforeB = b == creaseV ? justBelow(b) : b;
+  Vec3 axis = patch.calcNormal(a, b) + patch.calcNormal(beforeA, beforeB);  // mean outward normal
+  if (beforeA != a && beforeB != b) axis += patch.calcNormal(beforeA, b) + patch.calcNormal(a, beforeB);
+  const Vec3 r = patch.calcPoint(a, b) - Q;
+  const double distance = r.norm(), side = r.dot(axis) > 0 ? -1 : 1;
+  result.at.u = a;
+  result.at.v = b;
+  result.p_MB = Q + r;
+  result.residual_m = residual;
+  result.status = atBorder ? QueryStatus::onBoundary : QueryStatus::converged;
+  result.distance_m = side * distance;
+  result.normal_M = distance > 0 ? Vec3(-side * r / distance) : Vec3(axis.normalized());
+  return true;
 }
 
 /** Newton on f = |S - Q|^2 / 2 in steps measured along the surface: unknowns (alpha, beta) = (|S_u| du, |S_v| dv), so that
@@ -93,7 +208,8 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
   // The residual cannot be smaller than the rounding of S, nor, from afar, of Q.
   const double tol = std::max({ContactSurface::kDefaultTolerance_m, 8e-16 * info.size, 8e-16 * r.norm()});
   bool atBoundary = false;
-  int iteration = 0;
+  const bool creased = !info.creasesU.empty() || !info.creasesV.empty();
+  int iteration = 0, stalls = 0;
   for (;; ++iteration) {
     const double lu = d.Su.norm(), lv = d.Sv.norm();
     const double gu = lu > 0 ? r.dot(d.Su) / lu : 0, gv = lv > 0 ? r.dot(d.Sv) / lv : 0;
@@ -210,7 +326,8 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
     const double stepLength = std::max(std::abs(alpha), std::abs(beta));
     double factor = 1;
     double un = u, vn = v;
-    for (int halving = 0;; ++halving) {
+    int halving = 0;
+    for (;; ++halving) {
       un = du.fit(u + factor * alpha / mu);
       vn = dv.fit(v + factor * beta / mv);
       detail::evaluatePatch(patch, un, vn, d);
@@ -233,8 +350,13 @@ ClosestPoint solveLocal(const NurbsPatch& patch, const PatchInfo& info, int patc
     }
     u = un;
     v = vn;
+    if (creased && halving >= 8 && ++stalls == 2 && solveOnCrease(patch, info, Q, tol, u, v, result)) {
+      result.iterations = iteration;
+      return result;
+    }
   }
   result.iterations = iteration;
+  if (creased && result.status == QueryStatus::notConverged && solveOnCrease(patch, info, Q, tol, u, v, result)) return result;
   result.at.u = u;
   result.at.v = v;
   result.p_MB = d.S;

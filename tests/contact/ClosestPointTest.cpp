@@ -209,6 +209,52 @@ TEST(ClosestPoint, FarAwayTheFootIsFoundAsWellAsItCanBe) {
   }
 }
 
+/** y = slope (|x| + |z|), solid above: four planes, four creases and a corner at the origin. */
+ContactSurface makePyramid(double slope, double half) {
+  NurbsPatchData d;
+  d.degreeU = d.degreeV = 1;
+  d.numU = d.numV = 3;
+  d.knotsU = d.knotsV = {0, 0, 0.5, 1, 1};
+  for (const double x : {-half, 0.0, half}) {
+    for (const double z : {-half, 0.0, half}) d.points.push_back(Vec3(x, slope * (std::abs(x) + std::abs(z)), z));
+  }
+  d.flipNormal = NurbsPatch(d).calcNormal(0.1, 0.1).y() > 0;
+  std::vector<NurbsPatch> patches;
+  patches.emplace_back(d);
+  return ContactSurface(std::move(patches));
+}
+
+TEST(ClosestPoint, FeetOnACreaseAndWhereTwoCross) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> place(-0.01, 0.01), height(0.001, 0.01);
+  for (const double slope : {0.1, 1.0, -0.1, -1.0}) {
+    // Points below the pyramid that points down are outside, above the one that points up they are in the solid.
+    const ContactSurface surface = makePyramid(slope, 0.03);
+    const double sign = slope > 0 ? -1 : 1, steep = std::abs(slope);
+    int onCrease = 0, onCorner = 0;
+    for (int i = 0; i < 5000; ++i) {
+      const Vec3 Q(place(random), sign * height(random), place(random));
+      const auto foot = surface.findClosestPoint(Q);
+      ASSERT_EQ(foot.status, QueryStatus::converged) << slope << " " << Q.transpose();
+      // By symmetry: the point (a, steep (a + b), b), a, b >= 0, nearest to (x, -y, z).
+      const double x = std::abs(Q.x()), y = std::abs(Q.y()), z = std::abs(Q.z());
+      const double fall = steep * (steep * (x + z) + y) / (1 + 2 * steep * steep);
+      double a = x - fall, b = z - fall;
+      if (a < 0 || b < 0) {
+        const double along = std::max((std::max(x, z) - steep * y) / (1 + steep * steep), 0.0);
+        a = x > z ? along : 0;
+        b = x > z ? 0 : along;
+        ++(along > 0 ? onCrease : onCorner);
+      }
+      const double distance = Vec3(a - x, steep * (a + b) + y, b - z).norm();
+      ASSERT_NEAR(foot.distance_m, -sign * distance, 1e-15) << slope << " " << Q.transpose();
+      ASSERT_NEAR((Q - foot.p_MB - foot.distance_m * foot.normal_M).norm(), 0, 1e-15);
+    }
+    EXPECT_GT(onCrease, 100);
+    EXPECT_GT(onCorner, 5);
+  }
+}
+
 TEST(ClosestPoint, NotANumberIsNotConverged) {
   const ContactSurface sphere(makeSphere(0.03));
   EXPECT_EQ(sphere.findClosestPoint(Vec3(std::nan(""), 0, 0)).status, QueryStatus::notConverged);

@@ -371,22 +371,31 @@ NurbsPatchData makeRoof(double slope, double half) {
 }
 
 // A repeated knot (multiplicity = degree). AB = D cos(a) - |x| sin(a), p m_y = K AB/h: F_y = K/h 2 b cos(a) D^2/slope over
-// |z| <= b. N = 8 cells from the crease to the rim, the crease between two cells. Centre rule: the cell at the rim errs by at most
-// 1/(4 N^2) on each side, by ray AC is steeper, the same in N; smooth rule: the parabola across the crease, 1/(12 N^2) (both cells
-// together k w/12, k the slope times w). Bound: 1/N^2.
+// |z| <= b. N = 8 cells from the crease to the rim, the crease between two cells or in the middle of one. Centre rule: the cell at the
+// rim errs by at most 1/(4 N^2) on each side, by ray AC is steeper, the same in N; smooth rule: the parabola across the crease,
+// 1/(12 N^2) (both cells together k w/12, k the slope times w). Bound: 1/N^2.
 TEST_P(Extremes, CreaseInsideTheContact) {
   const double slope = 0.1, b = 5e-3, h = 4e-3, K = cartilage().confinementFactor() * cartilage().E_Pa;
-  const int N = 8, n = 20;
-  const double D = slope * N * (2 * b / n), cosine = 1 / std::sqrt(1 + slope * slope);
-  std::vector<NurbsPatch> roof;
-  roof.emplace_back(makeRoof(slope, 0.05));
-  const ContactPairDefinition d = with(GetParam(), makeScene(share(makePlane(h, 0, 0, Solid::below, 0.05)), share(std::move(roof)),
-                                                             constantThickness(h), cartilage(), b, n));
-  const ContactResult r = ContactPair(d).evaluate(atHeight(h - D));
-  EXPECT_EQ(r.status, EvaluationStatus::ok) << toString(r.status);
-  // By ray AC = D - slope |x| and p m_y = K AC cos(a)/h: the same.
-  EXPECT_NEAR(r.total.forceOnM_F.y() / (K / h * 2 * b * cosine * D * D / slope), 1, 1.0 / (N * N));
-  EXPECT_NEAR(r.total.forceOnM_F.x() / r.total.forceOnM_F.y(), 0, 1e-9);  // symmetric
+  const int N = 8;
+  for (const int n : {20, 21}) {
+    const double D = slope * N * (2 * b / n), cosine = 1 / std::sqrt(1 + slope * slope);
+    std::vector<NurbsPatch> roof;
+    roof.emplace_back(makeRoof(slope, 0.05));
+    const ContactPair pair(with(GetParam(), makeScene(share(makePlane(h, 0, 0, Solid::below, 0.05)), share(std::move(roof)),
+                                                      constantThickness(h), cartilage(), b, n)));
+    const ContactResult r = pair.evaluate(atHeight(h - D));
+    EXPECT_EQ(r.status, EvaluationStatus::ok) << toString(r.status);
+    // By ray AC = D - slope |x| and p m_y = K AC cos(a)/h: the same.
+    EXPECT_NEAR(r.total.forceOnM_F.y() / (K / h * 2 * b * cosine * D * D / slope), 1, 1.0 / (N * N));
+    // Symmetric, but a point straight behind the crease has two nearest points and takes one.
+    EXPECT_NEAR(r.total.forceOnM_F.x() / r.total.forceOnM_F.y(), 0, n % 2 == 0 ? 1e-9 : slope / N);
+    // Above the layer the nearest points of the middle elements are on the crease.
+    for (const double gap : {1e-6, 1e-3, 1e-2}) {
+      const ContactResult above = pair.evaluate(atHeight(h + gap));
+      EXPECT_EQ(above.status, EvaluationStatus::ok) << n << " " << gap << " " << toString(above.status);
+      EXPECT_EQ(above.total.scalarForce_N, 0);
+    }
+  }
 }
 
 /** A plane whose parameter lines crowd at x = 0, where S_u vanishes although the surface is smooth. */

@@ -35,6 +35,7 @@ struct Domain {
 struct PatchInfo {
   Domain u, v;
   bool poleU0 = false, poleU1 = false, poleV0 = false, poleV1 = false;  // edges that shrink to a point
+  std::vector<double> creasesU, creasesV;                               // knots across which the normal jumps, ascending
   double size = 0;
 };
 
