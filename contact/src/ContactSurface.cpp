@@ -825,6 +825,7 @@ ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParame
   int numKnown = 0;
   constexpr int kEnoughStarts = 64, kManyStarts = 512;
   int starts = 0;
+  bool tied = false;
   while (top > 0) {
     const Entry entry = stack[--top];
     if (entry.square > bound) continue;
@@ -844,10 +845,14 @@ ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParame
     const Search::Leaf& leaf = search_->leaves[static_cast<size_t>(node.leaf)];
     // Near the middle of a round solid the boxes of most pieces are nearer than the foot; their slabs are thinner. The first
     // starts are made all the same: they find feet that a piece's own start misses. Within about 1e-3 of the radius of the middle
-    // all pieces tie, so many that after some hundred starts only one that could be nearer by a tenth is worth another.
+    // all pieces tie, so many that after some hundred starts only one that could be nearer by a tenth is worth another: then the
+    // distance is an upper bound within that.
     if (starts >= kEnoughStarts) {
       const double height = (leaf.center - Q).dot(leaf.normal), gap = std::max(height + leaf.low, -height - leaf.high);
-      if (gap > 0 && gap * gap > (starts < kManyStarts ? 1 : 0.81) * bound) continue;
+      if (gap > 0 && gap * gap > (starts < kManyStarts ? 1 : 0.81) * bound) {
+        tied = tied || gap * gap <= bound;
+        continue;
+      }
     }
     bool seen = false;
     for (int k = 0; k < numKnown && !seen; ++k) {
@@ -866,6 +871,7 @@ ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParame
     }
   }
   best.iterations = iterations;
+  if (tied && best.status == QueryStatus::converged) best.status = QueryStatus::notConverged;
   return best;
 }
 

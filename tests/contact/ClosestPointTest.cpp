@@ -184,9 +184,16 @@ TEST(ClosestPoint, NearTheMiddleOfASphereTheSearchIsShort) {
     for (int i = 0; i < 100; ++i) {
       const Vec3 Q = offset * R * Vec3(unit(random), unit(random), unit(random)).normalized();
       const auto foot = sphere.findClosestPoint(Q);
-      ASSERT_EQ(foot.status, QueryStatus::converged);
-      ASSERT_NEAR(foot.distance_m, -(1 - offset) * R, 1e-14);
       ASSERT_LE(foot.iterations, most);
+      if (offset > 0.01) {
+        ASSERT_EQ(foot.status, QueryStatus::converged);
+        ASSERT_NEAR(foot.distance_m, -(1 - offset) * R, 1e-14);
+        continue;
+      }
+      // Not all pieces that tie were searched, which must show: the distance is an upper bound within a tenth.
+      ASSERT_EQ(foot.status, QueryStatus::notConverged);
+      ASSERT_GE(-foot.distance_m, (1 - offset) * R * (1 - 1e-12));
+      ASSERT_LE(-foot.distance_m, (1 - offset) * R / 0.9);
     }
   }
 }

@@ -238,14 +238,14 @@ struct GradedParts {
   } part[2];
   int count;
 };
-inline GradedParts gradeParts(const LawShape& shape, double from, double to, double shallowFrom, double inside, double shallowTo) {
+inline GradedParts gradeParts(const LawShape& shape, double from, double to, double strainFrom, double strainMiddle, double strainTo) {
   const double middle = 0.5 * (from + to);
-  if (shallowFrom < 0.5 * inside && shallowTo < 0.5 * inside) {
-    const GradedRule* rule = &findGraded(shape, inside);
+  if (strainFrom < 0.5 * strainMiddle && strainTo < 0.5 * strainMiddle) {
+    const GradedRule* rule = &findGraded(shape, strainMiddle);
     return {{{rule, from, middle}, {rule, to, middle}}, 2};
   }
-  if (shallowFrom < 0.5 * shallowTo) return {{{&findGraded(shape, shallowTo), from, to}, {}}, 1};
-  if (shallowTo < 0.5 * shallowFrom) return {{{&findGraded(shape, shallowFrom), to, from}, {}}, 1};
+  if (strainFrom < 0.5 * strainTo) return {{{&findGraded(shape, strainTo), from, to}, {}}, 1};
+  if (strainTo < 0.5 * strainFrom) return {{{&findGraded(shape, strainFrom), to, from}, {}}, 1};
   return {{}, 0};
 }
 

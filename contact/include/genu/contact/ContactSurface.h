@@ -59,7 +59,8 @@ const char* activeInstructionSet();
  descent, inside the domain box (closed directions wrap), from
    - a seed (warm start): the local minimum at the seed, accepted only where it is provably the global one, i.e. when
      |distance| < safeDistanceInside()/Outside(); otherwise the global search decides;
-   - nothing (cold start): best-first search over a hierarchy of boxes around sub-patches.
+   - nothing (cold start): best-first search over a hierarchy of boxes around sub-patches. Where hundreds of them are as near, as
+     about the centre of a sphere, it ends as notConverged, with an upper bound within a tenth.
  @post if status == converged: |(B-Q).S_u| <= tol |S_u| and the same for v (within a hair of a pole: 1e-10 of the patch's size; at a sharp tip and on a crease the distance is along the connecting line).
  tol is kDefaultTolerance_m, or 8e-16 of the patch's size or of the distance where that is more.
  Immutable and thread-safe. Queries allocate nothing. */
