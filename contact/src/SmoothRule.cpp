@@ -298,7 +298,7 @@ class SmoothEvaluation {
       memory_.previous.push_back(memory_.tasks[static_cast<size_t>(i)].element);
     }
     if (isGradient()) {
-      calcEnergyGradient(impl_, c_, memory_, grid_, law_.view(), task_.X_FM, task_.withStiffness, gradient_);
+      calcEnergyGradient(impl_, c_, memory_, grid_, law_.view(), task_.withStiffness, gradient_);
       load_.forceOnM_F = gradient_.load.head<3>();
       load_.momentOnM_Fo_F = gradient_.load.tail<3>();
     } else if (task_.withStiffness) {
@@ -694,7 +694,11 @@ void ContactPair::Impl::sizeSmoothMemory(const Compartment& c, CompartmentMemory
   }
   m.weight.resize(kWeightStride * nodes);
   m.adjoint.resize(kAdjointStride * nodes);
-  if (definition.correction == Correction::energy) m.gradient.resize(kGradientStride * nodes);
+  if (definition.correction == Correction::energy) {
+    m.gradient.resize(kGradientStride * nodes);
+    m.energyNodes.resize(nodes);
+    if (movingLayer == MovingLayer::map || movingLayer == MovingLayer::plane) m.layer.resize(kLayerStride * nodes);
+  }
   m.touched.resize((nodes + 63) / 64);
   m.nodes.resize(nodes + 1);  // one is written past the last
   m.query.resize(3 * nodes);

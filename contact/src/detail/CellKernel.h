@@ -140,12 +140,6 @@ struct CellKernels {
   void (*calcRimArea)(const double* S, double* moments);
   /** `full`: s >= 0 in the whole cell. */
   void (*listLawPoints)(const double* S, const double* R, bool full, const LawShape&, LawPoints&);
-  /** The law at such points, each array with room for all; share: coefficients of the fixed layer's share, read with layers in
-   series only. */
-  void (*readLaw)(const double* S, const double* R, const double* share, const LawView&, const LawPoints&, LawReading&);
-  /** int_{s>0} of area P r xi^a eta^b (6 monomials of s), area P s (5 smooth ones) and U (5), of layers whose area times thickness is
-   the polynomial G: 8 numbers each. */
-  void (*calcEnergyMoments)(const double* G, const LawPoints&, const LawReading&, double* byS, double* byR, double* byG);
 };
 
 }  // namespace genu::contact::detail

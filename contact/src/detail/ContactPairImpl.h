@@ -100,7 +100,8 @@ struct CompartmentMemory {
   std::vector<char> usable;
   std::vector<NodeField> field;
   Numbers s, r, load, weight, adjoint, share, byShare; // see CellGrid
-  Numbers gradient;                    // energy form only, see EnergyRule.h
+  Numbers gradient, layer;             // energy form only, see EnergyKernel.h
+  std::vector<int> energyNodes;
   std::vector<unsigned long> touched;
   std::vector<int> nodes;              // queried in this evaluation: the first numNodes
   size_t numNodes = 0;

@@ -3,6 +3,7 @@
 // All that is compiled once per instruction set.
 
 #include "CellKernel.h"
+#include "EnergyKernel.h"
 #include "FootKernel.h"
 #include "RayKernel.h"
 
@@ -14,6 +15,7 @@ struct Kernels {
   SolveFeet solveFeet;
   SolveRay solveRay;
   CellKernels cells;
+  EnergyKernels energy;
 };
 
 namespace baseline {

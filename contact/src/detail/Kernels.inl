@@ -1,6 +1,7 @@
 // Everything that is compiled once per instruction set, in namespace GENU_ISA.
 
 #include "CellKernel.inl"
+#include "EnergyKernel.inl"
 #include "FootKernel.inl"
 #include "FeetKernel.inl"
 #include "Kernels.h"
@@ -12,6 +13,7 @@
 namespace genu::contact::detail::GENU_ISA {
 
 const Kernels kKernels = {GENU_TEXT(GENU_ISA), solveFoot, solveFeet, solveRay,
-                          {listDue, setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak, calcRimArea, listLawPoints, readLaw, calcEnergyMoments}};
+                          {listDue, setNodes, testCells, integrate, scatter, sum, sumStiffness, findPeak, calcRimArea, listLawPoints},
+                          {setFirst, integrateEnergy, sumFirst, sumSecond}};
 
 }  // namespace genu::contact::detail::GENU_ISA

@@ -1,7 +1,5 @@
 #pragma once
 
-#pragma once
-
 // Vectors with one query or one cell per lane, and what moves them to and from lines of eight numbers per query; included once
 // per instruction set with GENU_ISA set to its namespace, see FootKernel.h.
 

@@ -36,14 +36,20 @@ class ThicknessMap {
   double interpolate(int patch, double u, double v, double& dhdu, double& dhdv) const {
     const Map& m = maps_[static_cast<size_t>(patch)];
     const double s = (u - m.u0) * m.scaleU, t = (v - m.v0) * m.scaleV;
-    const int i = std::min(std::max(static_cast<int>(s), 0), m.nu - 2);
-    const int j = std::min(std::max(static_cast<int>(t), 0), m.nv - 2);
+    const int i = findPiece(u, m.u0, m.scaleU, m.nu), j = findPiece(v, m.v0, m.scaleV, m.nv);
     const double a = s - i, b = t - j;
     const double* h = m.h.data() + static_cast<size_t>(i) * static_cast<size_t>(m.nv) + static_cast<size_t>(j);
     const double low = (1 - b) * h[0] + b * h[1], high = (1 - b) * h[m.nv] + b * h[m.nv + 1];
     dhdu = (high - low) * m.scaleU;
     dhdv = ((1 - a) * (h[1] - h[0]) + a * (h[m.nv + 1] - h[m.nv])) * m.scaleV;
     return (1 - a) * low + a * high;
+  }
+  /** d2h/du dv, constant between samples. */
+  double calcMixedSlope(int patch, double u, double v) const {
+    const Map& m = maps_[static_cast<size_t>(patch)];
+    const double* h = m.h.data() + static_cast<size_t>(findPiece(u, m.u0, m.scaleU, m.nu)) * static_cast<size_t>(m.nv) +
+                      static_cast<size_t>(findPiece(v, m.v0, m.scaleV, m.nv));
+    return ((h[m.nv + 1] - h[m.nv]) - (h[1] - h[0])) * m.scaleU * m.scaleV;
   }
   double interpolate(const SurfaceParameter& at) const {
     double dhdu, dhdv;
@@ -55,6 +61,10 @@ class ThicknessMap {
   std::array<double, 4> findFullRectangle(int patch) const;
 
  private:
+  /** Number of the piece between samples that x lies in. */
+  static int findPiece(double x, double from, double scale, int samples) {
+    return std::min(std::max(static_cast<int>((x - from) * scale), 0), samples - 2);
+  }
   struct Map {
     int nu, nv;
     double u0, v0, scaleU, scaleV;
