@@ -246,6 +246,7 @@ NetLoad sumLoads(const std::vector<NetLoad>& loads) {
     t.extrapolatedElements += l.extrapolatedElements;
     t.fullPenetrationElements += l.fullPenetrationElements;
     t.notConvergedQueries += l.notConvergedQueries;
+    t.unresolvedCompartments += l.unresolvedCompartments;
     t.noThicknessElements += l.noThicknessElements;
     t.boundaryElements += l.boundaryElements;
   }
@@ -384,7 +385,8 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
   const bool overflow = !r.total.forceOnM_F.allFinite() || !r.total.momentOnM_Fo_F.allFinite() || !std::isfinite(r.total.scalarForce_N) ||
                         !std::isfinite(r.total.energy_J) || !std::isfinite(r.total.peakPressure_Pa) || !r.stiffness.allFinite() ||
                         !r.damping.allFinite();
-  r.status = r.total.notConvergedQueries > 0 || overflow ? EvaluationStatus::notConverged
+  const bool failed = r.total.notConvergedQueries > 0 || r.total.unresolvedCompartments > 0 || overflow;
+  r.status = failed                                ? EvaluationStatus::notConverged
              : r.total.fullPenetrationElements > 0 ? EvaluationStatus::fullPenetration
              : r.total.extrapolatedElements > 0    ? EvaluationStatus::extrapolated
                                                    : EvaluationStatus::ok;

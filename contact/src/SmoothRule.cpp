@@ -307,6 +307,10 @@ class SmoothEvaluation {
     }
     countNodes();
     findPeak();
+    // Polynomials through points on both sides of a wall overshoot, at worst below zero. What rounding leaves of a faint touch is none.
+    const double rounding_N = 1e-9 * load_.peakPressure_Pa * std::abs(load_.area_m2), cell_m = c_.cellSize_m;
+    const bool negative = load_.scalarForce_N < -rounding_N || load_.area_m2 < -1e-9 * cell_m * cell_m || load_.energy_J < -rounding_N * cell_m;
+    load_.unresolvedCompartments = negative ? 1 : 0;
   }
 
   int numNewNodes() const { return static_cast<int>(memory_.numNodes - firstNode_); }

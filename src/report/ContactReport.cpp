@@ -62,6 +62,7 @@ NetLoad sumLoads(const std::vector<ContactResult>& results) {
     sum.extrapolatedElements += load.extrapolatedElements;
     sum.fullPenetrationElements += load.fullPenetrationElements;
     sum.notConvergedQueries += load.notConvergedQueries;
+    sum.unresolvedCompartments += load.unresolvedCompartments;
     sum.boundaryElements += load.boundaryElements;
     sum.noThicknessElements += load.noThicknessElements;
   }
@@ -102,14 +103,15 @@ std::string describeLeftOut(const NetLoad& load) {
 std::string describeStatus(const scene::Scene& scene, const std::vector<ContactResult>& results) {
   const EvaluationStatus status = worstStatus(results);
   std::vector<std::string> where;
-  int count = 0;
+  int count = 0, unresolved = 0;
   for (const auto& [name, load] : listLoads(scene, results)) {
     const int elements = status == EvaluationStatus::extrapolated      ? load.extrapolatedElements
                          : status == EvaluationStatus::fullPenetration ? load.fullPenetrationElements
-                         : status == EvaluationStatus::notConverged    ? load.notConvergedQueries
+                         : status == EvaluationStatus::notConverged    ? load.notConvergedQueries + load.unresolvedCompartments
                                                                        : 0;
     if (elements > 0) where.push_back(name);
     count += elements;
+    unresolved += load.unresolvedCompartments;
   }
   const std::string place = where.empty() ? "" : fmt::format(" in {}", joinNames(where));
   switch (status) {
@@ -132,12 +134,19 @@ std::string describeStatus(const scene::Scene& scene, const std::vector<ContactR
           "layer thickness",
           count, place);
     case EvaluationStatus::notConverged:
-      return fmt::format(
-          "not converged: {} closest-point queries{} failed, so there is no result; check the surfaces for folds, "
-          "repeated control points and extreme weights",
-          count, place);
+      if (count > unresolved) break;
+      if (unresolved > 0) {
+        return fmt::format(
+            "not converged: the pressures{} sum up to less than nothing, because the grid is too coarse for walls or folds of the "
+            "surfaces in contact, so there is no result; use more divisions or rule: centre",
+            place);
+      }
+      return "not converged: the load is beyond the range of numbers, so there is no result; check the units of lengths and moduli";
   }
-  return contact::toString(status);
+  return fmt::format(
+      "not converged: {} closest-point queries{} failed, so there is no result; check the surfaces for folds, repeated control points "
+      "and extreme weights",
+      count - unresolved, place);
 }
 
 ordered_json toJson(const NetLoad& load, bool withVectors) {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <optional>
+#include <random>
 #include <string>
 
 #include "contact/Scenes.h"
@@ -580,6 +582,56 @@ TEST_P(Extremes, OverflowIsAStatus) {
   const ContactResult r = pressFlat(makeFlat(GetParam(), h, m), h, 0.5 * h);
   EXPECT_EQ(r.status, EvaluationStatus::ok);
   expectFinite(r);
+}
+
+/** Crumpled sheets that carry a coarse grid: from one grid point to the next the area per cell grows many times over, and polynomials
+ through both go below zero. */
+TEST(WallsBetweenGridPoints, NoSumBelowZeroWithoutAStatus) {
+  int unresolved = 0, touching = 0;
+  for (const unsigned seed : {1u, 2u, 3u, 4u, 5u, 6u, 7u, 8u, 1140u, 1272u, 1372u, 1494u}) {
+    std::mt19937 random(seed);
+    const auto next = [&] { return random() / 2147483648.0 - 1; };
+    NurbsPatchData crumpled;
+    crumpled.degreeU = crumpled.degreeV = 1;
+    crumpled.numU = crumpled.numV = 3;
+    crumpled.knotsU = crumpled.knotsV = {0, 0, 0.5, 1, 1};
+    for (int k = 0; k < 9; ++k) {
+      const double x = next(), y = next(), z = next();
+      crumpled.points.push_back(0.01 * Vec3(x, y, z));
+    }
+    std::vector<NurbsPatch> sheet;
+    sheet.emplace_back(std::move(crumpled));
+    ContactPairDefinition d = makeScene(share(makePlane(0.006, 0, 0, Solid::below, 0.05)), share(std::move(sheet)), constantThickness(0.003),
+                                        cartilage(), 0.01, 5);
+    d.gridOn = GridOn::moving;
+    d.compartments[0].elementSurface = ElementPlane{PlaneFacing::down};
+    JointCoordinates q{};
+    for (double& x : q) x = next();
+    q[3] = q[5] = 0;
+    q[4] = 0.006 + 0.005 * q[4];
+    for (const ContactRule rule : {ContactRule::smooth, ContactRule::centre}) {
+      d.rule = rule;
+      std::optional<ContactPair> pair;
+      try {
+        pair.emplace(d);
+      } catch (const std::invalid_argument&) {
+        continue;  // no cell meets the sheet
+      }
+      const NetLoad load = pair->evaluate(q).total;
+      touching += load.activeElements > 0;
+      if (load.unresolvedCompartments > 0) {
+        ++unresolved;
+        EXPECT_EQ(pair->evaluate(q).status, EvaluationStatus::notConverged);
+        EXPECT_EQ(rule, ContactRule::smooth);
+        continue;
+      }
+      EXPECT_GE(load.scalarForce_N, 0) << seed;
+      EXPECT_GE(load.energy_J, 0) << seed;
+      EXPECT_GE(load.area_m2, 0) << seed;
+    }
+  }
+  EXPECT_EQ(unresolved, 4);  // the last four sheets
+  EXPECT_GT(touching, 2 * unresolved);
 }
 
 TEST(ExtremeInput, DefinitionsThatAreNotFiniteAreRefused) {

@@ -98,6 +98,11 @@ TEST(ContactReport, JsonHasNumbersOnlyWhereTheyMeanSomething) {
     EXPECT_THAT(json.at("status_text").get<std::string>(), HasSubstr("4 "));
     EXPECT_THAT(json.at("status_text").get<std::string>(), HasSubstr("in medial"));
   }
+  NetLoad& medial = results[0].compartments[0];
+  medial.notConvergedQueries = 0;
+  EXPECT_THAT(toJson(scene, results).at("status_text").get<std::string>(), HasSubstr("beyond the range of numbers"));
+  medial.unresolvedCompartments = 1;
+  EXPECT_THAT(toJson(scene, results).at("status_text").get<std::string>(), HasSubstr("pressures in medial sum up to less than nothing"));
 }
 
 TEST(ContactReport, TotalOfPairsOnDifferentBodiesHasNoVectors) {

@@ -129,7 +129,7 @@ enum class EvaluationStatus : std::uint8_t {
   ok,
   extrapolated,     ///< some element is beyond d/h = 0.95
   fullPenetration,  ///< some element has d >= h, or its closest surface faces away: the result has no meaning
-  notConverged,     ///< some closest-point query failed
+  notConverged,     ///< some closest-point query failed, or the grid does not resolve the surfaces: the result has no meaning
 };
 const char* toString(EvaluationStatus status);
 
@@ -149,6 +149,8 @@ struct NetLoad {
   int extrapolatedElements = 0;
   int fullPenetrationElements = 0;
   int notConvergedQueries = 0;   ///< closest points and rays
+  /** Compartments whose pressures sum up to less than nothing (smooth rule): the grid is too coarse for walls or folds in contact. */
+  int unresolvedCompartments = 0;
   int noThicknessElements = 0;  ///< would touch, but the moving body's layer is unknown there: left out
   /** Behind the moving surface but with the foot on its border, or the ray through its open side: not in contact. */
   int boundaryElements = 0;

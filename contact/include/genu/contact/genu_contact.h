@@ -44,7 +44,7 @@ typedef GENU_ENUM(genu_status) {
   GENU_OK = 0,
   GENU_EXTRAPOLATED = 1,     /* some element is beyond d/h = 0.95: results are given, with care */
   GENU_FULL_PENETRATION = 2, /* d >= h somewhere, or a surface that faces away: the result has no meaning */
-  GENU_NOT_CONVERGED = 3,    /* a closest-point query failed: the result has no meaning */
+  GENU_NOT_CONVERGED = 3,    /* a closest-point query failed, or the grid is too coarse for walls or folds: the result has no meaning */
   GENU_BAD_ARGUMENT = 10,
   GENU_OUT_OF_MEMORY = 11,
   GENU_INTERNAL_ERROR = 12 /* please report it */
@@ -302,6 +302,7 @@ typedef struct genu_load {
   int not_converged_queries;
   int boundary_elements;     /* behind the open border of the moving surface: carry nothing */
   int no_thickness_elements; /* left out: the moving body's back surface is missed there */
+  int unresolved_compartments; /* whose pressures sum up to less than nothing: the grid is too coarse for walls or folds in contact */
 } genu_load;
 
 typedef struct genu_evaluate_options {
