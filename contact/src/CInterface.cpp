@@ -358,7 +358,6 @@ void copyLoad(const gc::NetLoad& l, genu_load& out) {
   out.extrapolated_elements = l.extrapolatedElements;
   out.full_penetration_elements = l.fullPenetrationElements;
   out.not_converged_queries = l.notConvergedQueries;
-  out.unresolved_compartments = l.unresolvedCompartments;
   out.boundary_elements = l.boundaryElements;
   out.no_thickness_elements = l.noThicknessElements;
 }

@@ -299,10 +299,9 @@ typedef struct genu_load {
   int active_elements;
   int extrapolated_elements;     /* beyond d/h = 0.95 */
   int full_penetration_elements; /* d >= h, or facing away */
-  int not_converged_queries;
+  int not_converged_queries;     /* 0 with GENU_NOT_CONVERGED: a compartment's sum is below zero, or beyond the range of numbers */
   int boundary_elements;     /* behind the open border of the moving surface: carry nothing */
   int no_thickness_elements; /* left out: the moving body's back surface is missed there */
-  int unresolved_compartments; /* whose pressures sum up to less than nothing: the grid is too coarse for walls or folds in contact */
 } genu_load;
 
 typedef struct genu_evaluate_options {
