@@ -320,9 +320,9 @@ inline void findLines(const double S[kMonomials], Lines& lines, bool wholePieces
       } else {
         GradedParts parts = {{}, 0};
         if (shape != nullptr) {
-          const auto depth = [&](double a) {  // at the deeper end of the line
-            const double c0 = s0 + a * (sa + saa * a) + 0.25 * sbb, c1 = 0.5 * (sb + sab * a);
-            return larger(c0 + absolute(c1), 0.0) * r;
+          const auto depth = [&](double a) {  // largest on the line: at its top, or at the deeper end
+            const double c0 = s0 + a * (sa + saa * a), c1 = absolute(sb + sab * a);
+            return larger(c1 < -sbb ? c0 - 0.25 * c1 * c1 / sbb : c0 + 0.5 * c1 + 0.25 * sbb, 0.0) * r;
           };
           parts = gradeParts(*shape, from, to, depth(from), depth(middle), depth(to));
         }
