@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 #include <limits>
-#include <string>
+
+#include "Refusal.h"
 
 namespace genu::musculoskeletal {
 namespace {
@@ -91,15 +91,6 @@ TEST(LigamentLaw, SlackFromAReferencePoseGivesBackWhatWasSaid) {
     const double L0 = calcSlackLengthFromTensionPerLength_m(L, tension, K, toe);
     EXPECT_NEAR(calcResponse({K * L0, L0, toe, 0}, L).tension_N, tension, 1e-10);
   }
-}
-
-std::string message(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::invalid_argument& e) {
-    return e.what();
-  }
-  return "nothing was thrown";
 }
 
 TEST(LigamentLaw, RefusesWhatHasNoMeaning) {

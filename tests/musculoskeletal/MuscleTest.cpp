@@ -4,11 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
+#include <cstdio>
 #include <limits>
 #include <random>
-#include <stdexcept>
-#include <string>
+
+#include "Refusal.h"
 
 namespace genu::musculoskeletal {
 namespace {
@@ -151,15 +151,6 @@ TEST(ActivationDynamics, FollowsTheClosedFormOfTheSwitch) {
   const double s = 0.5 * std::tanh(0.07);
   EXPECT_NEAR(smooth.calcRate_perS(0.2, 0.9), 0.7 * ((0.5 + s) / (0.015 * 0.8) + (0.5 - s) * 0.8 / 0.060), 1e-12);
   EXPECT_NEAR(millardActivation().calcRate_perS(0.2, 0.9), 0.7 / (0.010 * 0.8), 1e-12);
-}
-
-std::string message(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const std::invalid_argument& e) {
-    return e.what();
-  }
-  return "nothing was thrown";
 }
 
 TEST(Muscle, RefusesWhatHasNoMeaning) {
