@@ -37,17 +37,16 @@ double solveVelocity(const Muscle& m, double gain, double force) {
   while (excess(low) > 0) low *= 2;
   while (excess(high) < 0) high *= 2;
   double v = std::min(std::max(force / (gain + m.fibreDamping) - 1, low), high);
-  // Newton where it stays in the bracket; a bisection halves it otherwise. 200 steps are never needed: 60 bisections alone would do.
-  for (int k = 0; k < 200; ++k) {
+  // Newton where it stays in the bracket, halving otherwise and after 50 steps: the bracket closes, so that it always ends at the root.
+  for (int k = 0;; ++k) {
     const double e = excess(v);
     (e > 0 ? high : low) = v;
-    const double step = e / (gain * m.curves.calcVelocity(v).slope + m.fibreDamping);
-    double next = v - step;
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    if (std::abs(next - v) <= 1e-15 * (1 + std::abs(v))) return next;
+    double next = v - e / (gain * m.curves.calcVelocity(v).slope + m.fibreDamping);
+    if (k >= 50 || !(next > low && next < high)) next = 0.5 * (low + high);
+    const double tolerance = 1e-15 * (1 + std::abs(v));
+    if (std::abs(next - v) <= tolerance || !(high - low > tolerance)) return next;
     v = next;
   }
-  return v;
 }
 
 }  // namespace
