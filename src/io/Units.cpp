@@ -74,7 +74,7 @@ struct DimensionInfo {
   const char* example;
 };
 
-constexpr std::array<DimensionInfo, 13> kDimensions = {{
+constexpr std::array<DimensionInfo, 19> kDimensions = {{
     {Dimension::dimensionless, "number", kNone, "none (a bare number), %", "0.46"},
     {Dimension::length, "length", kLength, "mm, cm, m, um", "8 mm"},
     {Dimension::angle, "angle", kAngle, "deg, rad", "30 deg"},
@@ -88,6 +88,12 @@ constexpr std::array<DimensionInfo, 13> kDimensions = {{
     {Dimension::damping, "damping", {0, 1, -1, 0}, "N s/m, N s/mm, kg/s", "1 N s/mm"},
     {Dimension::angularDamping, "rotational damping", {2, 1, -1, -1}, "N m s/rad, N m s/deg, N m s", "0.1 N m s/rad"},
     {Dimension::inverseSpeed, "inverse speed", {-1, 0, 1, 0}, "s/m, s/mm", "0.5 s/m"},
+    {Dimension::inverseAngularSpeed, "inverse angular speed", {0, 0, 1, -1}, "s/rad, s/deg", "0.1 s/rad"},
+    {Dimension::stiffness, "stiffness", {0, 1, -2, 0}, "N/mm, N/m, kN/m", "100 N/mm"},
+    {Dimension::angularStiffness, "rotational stiffness", {2, 1, -2, -1}, "N m/rad, N m/deg", "10 N m/rad"},
+    {Dimension::inverseLength, "inverse length", {-1, 0, 0, 0}, "1/mm, 1/m", "0.1 1/mm"},
+    {Dimension::inverseAngle, "inverse angle", {0, 0, 0, -1}, "1/deg, 1/rad", "0.05 1/deg"},
+    {Dimension::frequency, "rate", {0, 0, -1, 0}, "1/s", "10 1/s"},
 }};
 
 const DimensionInfo& infoOf(Dimension dimension) {

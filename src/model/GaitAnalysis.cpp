@@ -14,22 +14,32 @@ namespace {
 
 using contact::EvaluationStatus;
 
-/** y = (q, u) of the free coordinates; prescribed ones are set from their curves, where the constraints then hold
- exactly and nothing needs to be projected. */
+/** y = (q, u) of the free coordinates, then the states of force elements; prescribed coordinates are set from their curves, where the
+ constraints then hold exactly and nothing needs to be projected. */
 class KneeOde : public OdeProblem {
  public:
   KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, double accuracy)
       : knee_(knee), state_(defaultState) {
-    for (int i = 0; i < 6; ++i) {
-      if (!knee.isPrescribed(i)) free_.push_back(i);
+    std::vector<double> units;
+    for (int i = 0; i < knee.numCoordinates(); ++i) {
+      if (knee.isPrescribed(i)) continue;
+      free_.push_back(i);
+      index_.push_back(knee.stateIndex(i));
+      units.push_back(knee.coordinates()[static_cast<size_t>(i)].isAngle ? 1 / kAngleLength_m : 1.0);
     }
     // See runGait(): 1 mm and 10 m/s at the surfaces.
-    for (const double unit : {1e-3, 10.0}) {
-      for (int i : free_) tolerances_.push_back(accuracy * unit / (i < 3 ? kAngleLength_m : 1.0));
+    for (const double scale : {1e-3, 10.0}) {
+      for (const double unit : units) tolerances_.push_back(accuracy * scale * unit);
+    }
+    for (const auto& element : knee.elements()) {
+      for (const ForceElement::OwnState& own : element->states(state_)) {
+        own_.push_back(own.index);
+        tolerances_.push_back(accuracy * own.unit);
+      }
     }
   }
 
-  int size() const override { return 2 * static_cast<int>(free_.size()); }
+  int size() const override { return static_cast<int>(tolerances_.size()); }
   const std::vector<double>& absoluteTolerances() const override { return tolerances_; }
 
   Evaluation evaluate(double t, const double* y, double* ydot) noexcept override {
@@ -39,12 +49,19 @@ class KneeOde : public OdeProblem {
       if (!checkStatus()) return Evaluation::retry;
       knee_.system().realize(state_, SimTK::Stage::Acceleration);
       const SimTK::Vector& udot = state_.getUDot();
-      const size_t n = free_.size();
+      const size_t n = index_.size();
       for (size_t k = 0; k < n; ++k) {
         ydot[k] = y[n + k];
-        ydot[n + k] = udot[free_[k]];
+        ydot[n + k] = udot[index_[k]];
         if (!std::isfinite(ydot[n + k])) {
           failure_ = "the acceleration is not finite";
+          return Evaluation::retry;
+        }
+      }
+      for (size_t k = 0; k < own_.size(); ++k) {
+        ydot[2 * n + k] = state_.getZDot()[own_[k]];
+        if (!std::isfinite(ydot[2 * n + k])) {
+          failure_ = "the rate of a muscle's state is not finite";
           return Evaluation::retry;
         }
       }
@@ -57,10 +74,18 @@ class KneeOde : public OdeProblem {
     }
   }
 
-  std::vector<double> start(const contact::JointCoordinates& q, const contact::JointCoordinates& qdot) const {
+  /** The state that begins a run: coordinates and rates, and force elements settled there. */
+  std::vector<double> start(const scene::Coordinates& q, const scene::Coordinates& qdot) {
     std::vector<double> y;
     for (int i : free_) y.push_back(q[static_cast<size_t>(i)]);
     for (int i : free_) y.push_back(qdot[static_cast<size_t>(i)]);
+    if (own_.empty()) return y;
+    SimTK::State settled = state_;
+    knee_.prescribe(settled, 0, true);
+    settled.updU() = 0.0;
+    for (size_t k = 0; k < index_.size(); ++k) settled.updQ()[index_[k]] = y[k];
+    knee_.settleElements(settled);
+    for (const int index : own_) y.push_back(settled.getZ()[index]);
     return y;
   }
 
@@ -81,21 +106,19 @@ class KneeOde : public OdeProblem {
         }
       }
       frame.time_s = t;
-      for (int i = 0; i < 6; ++i) {
-        const auto k = static_cast<size_t>(i);
-        frame.q[k] = state_.getQ()[i];
-        frame.qdot[k] = state_.getU()[i];
-        frame.qddot[k] = state_.getUDot()[i];
-      }
+      frame.elements = knee_.calcElementOutputs(state_);
       touched_ = touched_ || hasContact();
       // What inverse dynamics without the constraints asks for is what the constraints supply.
       SimTK::Vector force;
       knee_.matter().calcResidualForceIgnoringConstraints(
           state_, system.getMobilityForces(state_, SimTK::Stage::Dynamics),
           system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), state_.getUDot(), force);
-      frame.constraintForce.assign(6, 0.0);
-      for (int i = 0; i < 6; ++i) {
-        if (knee_.isPrescribed(i)) frame.constraintForce[static_cast<size_t>(i)] = force[i];
+      for (int i = 0; i < knee_.numCoordinates(); ++i) {
+        const int k = knee_.stateIndex(i);
+        frame.q.push_back(state_.getQ()[k]);
+        frame.qdot.push_back(state_.getU()[k]);
+        frame.qddot.push_back(state_.getUDot()[k]);
+        frame.constraintForce.push_back(knee_.isPrescribed(i) ? force[k] : 0.0);
       }
       return true;
     } catch (const std::exception& error) {
@@ -119,18 +142,26 @@ class KneeOde : public OdeProblem {
  private:
   void setState(double t, const double* y) {
     knee_.prescribe(state_, t, false);
-    const size_t n = free_.size();
+    const size_t n = index_.size();
     SimTK::Vector& q = state_.updQ();
-    for (size_t k = 0; k < n; ++k) q[free_[k]] = y[k];
+    for (size_t k = 0; k < n; ++k) q[index_[k]] = y[k];
     SimTK::Vector& u = state_.updU();
-    for (size_t k = 0; k < n; ++k) u[free_[k]] = y[n + k];
+    for (size_t k = 0; k < n; ++k) u[index_[k]] = y[n + k];
+    if (own_.empty()) return;
+    SimTK::Vector& z = state_.updZ();
+    for (size_t k = 0; k < own_.size(); ++k) z[own_[k]] = y[2 * n + k];
   }
 
   bool checkStatus() {
     const EvaluationStatus status = knee_.contact().getStatus(state_);
-    if (status <= EvaluationStatus::extrapolated) return true;
-    fullPenetration_ = status == EvaluationStatus::fullPenetration;
-    failure_ = fullPenetration_ ? "full penetration" : "a closest-point query did not converge";
+    if (status > EvaluationStatus::extrapolated) {
+      fullPenetration_ = status == EvaluationStatus::fullPenetration;
+      failure_ = fullPenetration_ ? "full penetration" : "a closest-point query did not converge";
+      return false;
+    }
+    const std::string problem = knee_.findElementProblem(state_);
+    if (problem.empty()) return true;
+    failure_ = problem;
     return false;
   }
 
@@ -143,21 +174,12 @@ class KneeOde : public OdeProblem {
 
   const KneeSystem& knee_;
   SimTK::State state_;
-  std::vector<int> free_;
+  std::vector<int> free_, index_;  // coordinates, and their places in the State's q and u
+  std::vector<int> own_;
   std::vector<double> tolerances_;
   std::string failure_;
   bool touched_ = false, fullPenetration_ = false;
 };
-
-std::vector<double> makeOutputTimes(const scene::GaitSpec& gait) {
-  std::vector<double> times;
-  // An interval that divides the duration up to rounding gives no extra last frame.
-  const long count = static_cast<long>(std::floor(gait.duration_s / gait.outputInterval_s + 1e-9));
-  for (long k = 0; k <= count; ++k) times.push_back(static_cast<double>(k) * gait.outputInterval_s);
-  if (times.back() < gait.duration_s * (1 - 1e-9)) times.push_back(gait.duration_s);
-  times.back() = std::min(times.back(), gait.duration_s);
-  return times;
-}
 
 std::string atTime(double t) {
   std::ostringstream text;
@@ -180,7 +202,7 @@ void checkSettings(const scene::Scene& scene, const scene::GaitSpec& gait) {
 
 void integrate(KneeOde& ode, OdeIntegrator& integrator, const std::vector<double>& y0, const scene::GaitSpec& gait,
                const scene::Progress& progress, GaitResult& result) {
-  const std::vector<double> times = makeOutputTimes(gait);
+  const std::vector<double> times = makeOutputTimes(gait.duration_s, gait.outputInterval_s);
   const auto fail = [&](double t) {
     result.failed = true;
     result.statusText = "failed at " + atTime(t) + ": " +
@@ -236,6 +258,16 @@ void integrate(KneeOde& ode, OdeIntegrator& integrator, const std::vector<double
 
 }  // namespace
 
+std::vector<double> makeOutputTimes(double duration_s, double interval_s) {
+  std::vector<double> times;
+  // An interval that divides the duration up to rounding gives no extra last frame.
+  const long count = static_cast<long>(std::floor(duration_s / interval_s + 1e-9));
+  for (long k = 0; k <= count; ++k) times.push_back(static_cast<double>(k) * interval_s);
+  if (times.back() < duration_s * (1 - 1e-9)) times.push_back(duration_s);
+  times.back() = std::min(times.back(), duration_s);
+  return times;
+}
+
 GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Progress& progress) {
   const auto wallStart = std::chrono::steady_clock::now();
   const double cpuStart = cpuTime_s();
@@ -250,12 +282,14 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
       makeOdeIntegrator(gait.integrator, ode, scene.file.string() + ": gait integrator");
 
   GaitResult result;
+  result.elementColumns = knee.listElementColumns();
   const auto finish = [&] {
     result.wallTime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wallStart).count();
     result.cpuTime_s = cpuTime_s() - cpuStart;
   };
 
-  contact::JointCoordinates q{}, qdot{};
+  const auto n = static_cast<size_t>(knee.numCoordinates());
+  scene::Coordinates q(n, 0.0), qdot(n, 0.0);
   if (gait.settleFirst) {
     scene::StaticSpec settings = scene.staticAnalysis.value_or(scene::StaticSpec{});
     settings.time_s = 0;
@@ -278,7 +312,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
     q = result.settling->q;
     qdot = calcEquilibriumRates(knee, state, q, 0);
   } else {
-    for (int i = 0; i < 6; ++i) {
+    for (int i = 0; i < knee.numCoordinates(); ++i) {
       if (knee.isPrescribed(i)) continue;
       const auto& free = std::get<scene::FreeCoordinate>(scene.model->coordinates[static_cast<size_t>(i)]);
       q[static_cast<size_t>(i)] = free.start.value_or(0.0);
@@ -299,7 +333,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   out.contactCopies = work.copies;
   out.distanceQueries = work.distanceQueries;
   finish();
-  if (result.complete && knee.contact().numContactPairs() > 0 && !ode.touched()) {
+  if (result.complete && knee.contact().numContactPairs() > 0 && knee.elements().empty() && !ode.touched()) {
     throw ComputationError(scene.file.string() +
                            ": contact is never made during the run; check that the surfaces lie above each other in "
                            "the fixed frame, that the grid covers them, the start pose and the direction of the loads");

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "Conversions.h"
+#include "elements/MakeForceElement.h"
 #include "genu/scene/SceneFile.h"
 
 namespace genu::model {
@@ -37,22 +38,26 @@ class MotionFunction : public SimTK::Function {
   Curve curve_;
 };
 
-/** A force over time at a point of one body, with components in the axes of another. No reaction is applied; the
- potential energy is reported as 0 because a load that changes or follows a body has none. */
-class PointLoad : public SimTK::Force::Custom::Implementation {
+/** A force over time at a point and a moment over time, both on one body, with components in the axes of another. No reaction is applied;
+ the potential energy is reported as 0 because a load that changes or follows a body has none. */
+class BodyLoad : public SimTK::Force::Custom::Implementation {
  public:
   MobilizedBody body, frame, pointBody;
   SimTK::Rotation R_BodyFrame;
-  SimTK::Vec3 point_PointBody;
-  std::array<Curve, 3> force;
+  Transform X_PointBodyFrame;
+  std::array<Curve, 3> force, moment, point;
+  bool hasMoment = false;
 
   void calcForce(const State& state, Vector_<SpatialVec>& bodyForces, Vector_<SimTK::Vec3>&, Vector&) const override {
     const double t = state.getTime();
-    const SimTK::Vec3 f(force[0]->calcValue(t), force[1]->calcValue(t), force[2]->calcValue(t));
-    const SimTK::Vec3 f_G = frame.getBodyRotation(state) * (R_BodyFrame * f);
-    const SimTK::Vec3 p_G = pointBody.findStationLocationInGround(state, point_PointBody);
+    const auto read = [t](const std::array<Curve, 3>& c) { return SimTK::Vec3(c[0]->calcValue(t), c[1]->calcValue(t), c[2]->calcValue(t)); };
+    const SimTK::Rotation& R_GB = frame.getBodyRotation(state);
+    const SimTK::Vec3 f_G = R_GB * (R_BodyFrame * read(force));
+    const SimTK::Vec3 p_G = pointBody.findStationLocationInGround(state, X_PointBodyFrame * read(point));
     const SimTK::Vec3 arm_G = p_G - body.getBodyOriginLocation(state);
-    bodyForces[body.getMobilizedBodyIndex()] += SpatialVec(arm_G % f_G, f_G);
+    SpatialVec load(arm_G % f_G, f_G);
+    if (hasMoment) load[0] += R_GB * (R_BodyFrame * read(moment));
+    bodyForces[body.getMobilizedBodyIndex()] += load;
   }
   Real calcPotentialEnergy(const State&) const override { return 0; }
 };
@@ -96,13 +101,28 @@ const scene::ModelSpec& requireModel(const scene::Scene& scene) {
 KneeSystem::KneeSystem(const scene::Scene& scene) : KneeSystem(scene, scene::makeContactPairs(scene)) {}
 
 KneeSystem::KneeSystem(const scene::Scene& scene, const std::vector<std::shared_ptr<const contact::ContactPair>>& pairs)
-    : matter_(system_),
-      forces_(system_),
-      contact_(system_),
-      urdf_(readUrdf(requireModel(scene).urdf, requireModel(scene).joint)) {
-  const scene::ModelSpec& model = *scene.model;
-  const std::string file = scene.file.string();
+    : scene_(scene), matter_(system_), forces_(system_), contact_(system_), urdf_(readUrdf(requireModel(scene))) {
+  addBodies();
+  addCoordinates();
+  addContacts(pairs);
+  addLoads();
+  const auto& g = scene_.model->gravity_mPerS2;
+  const SimTK::Vec3 gravity(g[0], g[1], g[2]);
+  if (gravity.normSqr() > 0) SimTK::Force::Gravity(forces_, matter_, gravity);
+  addElements();
+}
 
+KneeSystem::~KneeSystem() = default;
+
+void KneeSystem::addBodies() {
+  coordinates_ = scene::listCoordinates(*scene_.model);
+  if (scene_.model->coordinates.size() != coordinates_.size()) {
+    throw InputError(scene_.file.string() + ": the model has " + std::to_string(coordinates_.size()) + " coordinates, but " +
+                     std::to_string(scene_.model->coordinates.size()) + " are described");
+  }
+  stateIndex_.assign(coordinates_.size(), -1);
+  linkOfCoordinate_.assign(coordinates_.size(), -1);
+  int next = 0;
   for (size_t i = 0; i < urdf_.links.size(); ++i) {
     const UrdfLink& link = urdf_.links[i];
     const SimTK::Body body = makeBody(link);
@@ -110,93 +130,202 @@ KneeSystem::KneeSystem(const scene::Scene& scene, const std::vector<std::shared_
       bodies_.push_back(MobilizedBody::Weld(matter_.updGround(), Transform(), body, Transform()));
       continue;
     }
-    MobilizedBody& parent = bodies_[static_cast<size_t>(link.joint->parent)];
-    const Transform X_PF = toSimTK(link.joint->X_PF);
-    if (link.joint->type == JointType::floating) {
-      joint_ = MobilizedBody::Bushing(parent, X_PF, body, Transform());
-      bodies_.push_back(joint_);
-    } else {
-      bodies_.push_back(MobilizedBody::Weld(parent, X_PF, body, Transform()));
-    }
-  }
-
-  for (int i = 0; i < 6; ++i) {
-    const std::string name = scene::kCoordinateNames[static_cast<size_t>(i)];
-    const scene::CoordinateSpec& spec = model.coordinates[static_cast<size_t>(i)];
-    if (const auto* prescribed = std::get_if<scene::PrescribedCoordinate>(&spec)) {
-      Curve curve = std::make_shared<const TimeCurve>(prescribed->motion);
-      curves_.push_back({"prescribed coordinate '" + name + "'", curve});
-      constraints_[static_cast<size_t>(i)] = SimTK::Constraint::PrescribedMotion(
-          matter_, new MotionFunction(curve), joint_.getMobilizedBodyIndex(), SimTK::MobilizerQIndex(i));
-      prescribed_[static_cast<size_t>(i)] = std::move(curve);
-    } else {
-      const double damping = std::get<scene::FreeCoordinate>(spec).damping;
-      if (!(damping >= 0) || !std::isfinite(damping)) {
-        throw InputError(file + ": damping of coordinate '" + name + "' is " + std::to_string(damping) +
-                         "; it must be zero or positive");
+    const UrdfJoint& joint = *link.joint;
+    MobilizedBody& parent = bodies_[static_cast<size_t>(joint.parent)];
+    const Transform X_PF = toSimTK(joint.X_PF);
+    const auto aligned = [&joint](SimTK::CoordinateAxis axis) {
+      return Transform(SimTK::Rotation(SimTK::UnitVec3(toSimTK(joint.axis_F)), axis));
+    };
+    switch (joint.type) {
+      case JointType::floating: {
+        MobilizedBody::Bushing bushing(parent, X_PF, body, Transform());
+        if (!joint_) joint_ = bushing;
+        bodies_.push_back(bushing);
+        break;
       }
-      if (damping > 0) SimTK::Force::MobilityLinearDamper(forces_, joint_, SimTK::MobilizerUIndex(i), damping);
+      case JointType::rotation: {
+        const Transform X = aligned(SimTK::ZAxis);
+        bodies_.push_back(MobilizedBody::Pin(parent, X_PF * X, body, X));
+        break;
+      }
+      case JointType::translation: {
+        const Transform X = aligned(SimTK::XAxis);
+        bodies_.push_back(MobilizedBody::Slider(parent, X_PF * X, body, X));
+        break;
+      }
+      default:
+        bodies_.push_back(MobilizedBody::Weld(parent, X_PF, body, Transform()));
+    }
+    // Bodies get their coordinates in the order in which they are made, and u = dq/dt for these joints.
+    for (int k = 0; joint.firstCoordinate >= 0 && k < (joint.type == JointType::floating ? 6 : 1); ++k) {
+      const auto index = static_cast<size_t>(joint.firstCoordinate + k);
+      stateIndex_[index] = next++;
+      linkOfCoordinate_[index] = static_cast<int>(i);
     }
   }
+}
 
-  for (size_t i = 0; i < scene.contacts.size(); ++i) {
-    const ContactFrames frames = findContactFrames(urdf_, scene.contacts[i]);
+void KneeSystem::addCoordinates() {
+  const std::string file = scene_.file.string();
+  const int n = numCoordinates();
+  prescribed_.resize(static_cast<size_t>(n));
+  constraints_.resize(static_cast<size_t>(n));
+  for (int i = 0; i < n; ++i) {
+    const auto k = static_cast<size_t>(i);
+    const std::string& name = coordinates_[k].name;
+    const MobilizedBody& body = bodyOfCoordinate(i);
+    const scene::CoordinateSpec& spec = scene_.model->coordinates[k];
+    if (const auto* motion = std::get_if<scene::PrescribedCoordinate>(&spec)) {
+      prescribed_[k] = addCurve(motion->motion, "prescribed coordinate '" + name + "'");
+      constraints_[k] = SimTK::Constraint::PrescribedMotion(matter_, new MotionFunction(prescribed_[k]), body.getMobilizedBodyIndex(),
+                                                            SimTK::MobilizerQIndex(axisOfCoordinate(i)));
+      continue;
+    }
+    const auto& free = std::get<scene::FreeCoordinate>(spec);
+    if (!(free.damping >= 0) || !std::isfinite(free.damping)) {
+      throw InputError(file + ": damping of coordinate '" + name + "' is " + std::to_string(free.damping) +
+                       "; it must be zero or positive");
+    }
+    const SimTK::MobilizerUIndex u(axisOfCoordinate(i));
+    if (free.damping > 0) SimTK::Force::MobilityLinearDamper(forces_, body, u, free.damping);
+    if (free.limits) {
+      const scene::CoordinateLimits& limits = *free.limits;
+      SimTK::Force::MobilityLinearStop(forces_, body, SimTK::MobilizerQIndex(axisOfCoordinate(i)), limits.stiffness, limits.dissipation,
+                                       limits.lower, limits.upper);
+    }
+  }
+}
+
+void KneeSystem::addContacts(const std::vector<std::shared_ptr<const contact::ContactPair>>& pairs) {
+  for (size_t i = 0; i < scene_.contacts.size(); ++i) {
+    const ContactFrames frames = findContactFrames(urdf_, scene_.contacts[i]);
     contact_.addContactPair(
-        scene.contacts[i].name, pairs.at(i),
-        {bodies_[static_cast<size_t>(frames.fixed.link)].getMobilizedBodyIndex(), toSimTK(frames.fixed.X_LinkFrame),
-         bodies_[static_cast<size_t>(frames.moving.link)].getMobilizedBodyIndex(), toSimTK(frames.moving.X_LinkFrame)});
+        scene_.contacts[i].name, pairs.at(i),
+        {body(frames.fixed.link).getMobilizedBodyIndex(), toSimTK(frames.fixed.X_LinkFrame),
+         body(frames.moving.link).getMobilizedBodyIndex(), toSimTK(frames.moving.X_LinkFrame)});
   }
+}
 
-  for (const scene::LoadSpec& load : scene.loads) {
+void KneeSystem::addLoads() {
+  const std::string file = scene_.file.string();
+  for (const scene::LoadSpec& load : scene_.loads) {
     const std::string where = file + ": load '" + load.name + "'";
-    const LinkFrame body = findFrame(urdf_, load.body, where + ", body");
+    const std::string use = "load '" + load.name + "'";
+    const LinkFrame bodyFrame = findFrame(urdf_, load.body, where + ", body");
     const LinkFrame axes = findFrame(urdf_, load.frame, where + ", frame");
-    const LinkFrame point = findFrame(urdf_, load.pointBody, where + ", point");
-    auto* force = new PointLoad();
+    const LinkFrame point = findFrame(urdf_, load.pointBody.empty() ? load.body : load.pointBody, where + ", point");
+    auto* force = new BodyLoad();
     SimTK::Force::Custom handle(forces_, force);  // owns it from here on
-    force->body = bodies_[static_cast<size_t>(body.link)];
-    force->frame = bodies_[static_cast<size_t>(axes.link)];
-    force->pointBody = bodies_[static_cast<size_t>(point.link)];
+    force->body = body(bodyFrame.link);
+    force->frame = body(axes.link);
+    force->pointBody = body(point.link);
     force->R_BodyFrame = toSimTK(axes.X_LinkFrame).R();
-    force->point_PointBody =
-        toSimTK(point.X_LinkFrame.apply(contact::Vec3(load.point_m[0], load.point_m[1], load.point_m[2])));
+    force->X_PointBodyFrame = toSimTK(point.X_LinkFrame);
+    force->hasMoment = load.hasMoment();
     for (size_t k = 0; k < 3; ++k) {
-      force->force[k] = std::make_shared<const TimeCurve>(load.force_N[k]);
-      curves_.push_back({"load '" + load.name + "'", force->force[k]});
+      force->force[k] = addCurve(load.force_N[k], use);
+      force->moment[k] = addCurve(load.moment_Nm[k], use);
+      force->point[k] = addCurve(load.point_m[k], use);
     }
   }
 
-  for (const scene::GeneralizedLoadSpec& load : scene.generalizedLoads) {
-    if (load.coordinate < 0 || load.coordinate > 5) {
+  for (const scene::GeneralizedLoadSpec& load : scene_.generalizedLoads) {
+    if (load.coordinate < 0 || load.coordinate >= numCoordinates()) {
       throw InputError(file + ": load '" + load.name + "' acts on coordinate " + std::to_string(load.coordinate) +
-                       "; allowed are 0 to 5");
+                       "; allowed are 0 to " + std::to_string(numCoordinates() - 1));
     }
     if (isPrescribed(load.coordinate)) {
       throw InputError(file + ": load '" + load.name + "' acts on coordinate '" +
-                       scene::kCoordinateNames[static_cast<size_t>(load.coordinate)] +
+                       coordinates_[static_cast<size_t>(load.coordinate)].name +
                        "', which is prescribed: the load would have no effect; make the coordinate free or remove " +
                        "the load");
     }
-    Curve curve = std::make_shared<const TimeCurve>(load.value);
-    curves_.push_back({"load '" + load.name + "'", curve});
-    SimTK::Force::Custom(forces_, new MobilityLoad(joint_, load.coordinate, curve));
+    SimTK::Force::Custom(forces_, new MobilityLoad(bodyOfCoordinate(load.coordinate), axisOfCoordinate(load.coordinate),
+                                                   addCurve(load.value, "load '" + load.name + "'")));
   }
+}
 
-  const SimTK::Vec3 gravity(model.gravity_mPerS2[0], model.gravity_mPerS2[1], model.gravity_mPerS2[2]);
-  if (gravity.normSqr() > 0) SimTK::Force::Gravity(forces_, matter_, gravity);
+void KneeSystem::addElements() {
+  for (const auto& definition : scene_.elements) elements_.push_back(makeForceElement(definition, *this));
+}
+
+const SimTK::MobilizedBody::Bushing& KneeSystem::joint() const {
+  if (!joint_) throw std::logic_error("the model has no floating joint");
+  return *joint_;
 }
 
 SimTK::MobilizedBody& KneeSystem::body(const std::string& link) {
   return bodies_[static_cast<size_t>(findFrame(urdf_, link, "body").link)];
 }
 
+const SimTK::MobilizedBody& KneeSystem::bodyOfCoordinate(int coordinate) const {
+  return body(linkOfCoordinate_[static_cast<size_t>(coordinate)]);
+}
+
+std::vector<scene::ElementColumn> KneeSystem::listElementColumns() const {
+  std::vector<scene::ElementColumn> columns;
+  for (const auto& element : elements_) {
+    for (scene::ElementColumn column : element->outputs()) {
+      column.keyword = element->definition().keyword;
+      column.element = element->definition().name;
+      columns.push_back(std::move(column));
+    }
+  }
+  return columns;
+}
+
+std::vector<double> KneeSystem::calcElementOutputs(const State& state) const {
+  std::vector<double> values;
+  for (const auto& element : elements_) {
+    const size_t first = values.size();
+    values.resize(first + element->outputs().size());
+    if (values.size() > first) element->calcOutputs(state, &values[first]);
+  }
+  return values;
+}
+
+std::vector<scene::ElementPath> KneeSystem::calcElementPaths(const State& state) const {
+  std::vector<scene::ElementPath> paths;
+  for (const auto& element : elements_) {
+    std::vector<contact::Vec3> points = element->calcPath(state);
+    if (!points.empty()) paths.push_back({element->definition().keyword, element->definition().name, std::move(points)});
+  }
+  return paths;
+}
+
+std::string KneeSystem::findElementProblem(const State& state) const {
+  for (const auto& element : elements_) {
+    const std::string problem = element->findProblem(state);
+    if (!problem.empty()) return element->definition().key() + ": " + problem;
+  }
+  return {};
+}
+
+void KneeSystem::settleElements(State& state) const {
+  if (elements_.empty()) return;
+  system_.realize(state, SimTK::Stage::Position);
+  for (const auto& element : elements_) element->settle(state);
+}
+
 void KneeSystem::prescribe(State& state, double time_s, bool atRest) const {
   state.setTime(time_s);
-  for (int i = 0; i < 6; ++i) {
+  for (int i = 0; i < numCoordinates(); ++i) {
     if (!isPrescribed(i)) continue;
-    joint_.setOneQ(state, i, motion(i).calcValue(time_s));
-    joint_.setOneU(state, i, atRest ? 0.0 : motion(i).calcDerivative(time_s, 1));
+    state.updQ()[stateIndex(i)] = motion(i).calcValue(time_s);
+    state.updU()[stateIndex(i)] = atRest ? 0.0 : motion(i).calcDerivative(time_s, 1);
   }
+}
+
+scene::Coordinates KneeSystem::readCoordinates(const State& state) const {
+  scene::Coordinates q(coordinates_.size());
+  for (size_t i = 0; i < q.size(); ++i) q[i] = state.getQ()[stateIndex_[i]];
+  return q;
+}
+
+std::shared_ptr<const TimeCurve> KneeSystem::addCurve(const scene::TimeFunction& function, const std::string& use) {
+  auto curve = std::make_shared<const TimeCurve>(function);
+  curves_.push_back({use, curve});
+  return curve;
 }
 
 void KneeSystem::checkTablesCover(double t0_s, double t1_s) const {

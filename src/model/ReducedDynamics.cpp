@@ -10,16 +10,18 @@ using Eigen::VectorXd;
 
 ReducedDynamics::ReducedDynamics(const KneeSystem& knee, const SimTK::State& defaultState, double time_s)
     : knee_(knee), state_(defaultState), time_(time_s) {
-  if (state_.getNU() != 6) {
-    throw InputError("the system has " + std::to_string(state_.getNU()) +
-                     " mobilities; static and gait analyses work on the six of the joint");
+  const int n = knee.numCoordinates();
+  if (state_.getNU() != n) {
+    throw InputError("the system has " + std::to_string(state_.getNU()) + " mobilities; static and gait analyses work on the " +
+                     std::to_string(n) + " coordinates of the scene");
   }
-  for (int i = 0; i < 6; ++i) {
+  for (int i = 0; i < n; ++i) {
     if (knee.isPrescribed(i)) continue;
     free_.push_back(i);
-    scale_.push_back(i < 3 ? 1 / kAngleLength_m : 1.0);
+    index_.push_back(knee.stateIndex(i));
+    scale_.push_back(knee.coordinates()[static_cast<size_t>(i)].isAngle ? 1 / kAngleLength_m : 1.0);
   }
-  zeroUDot_.resize(6);
+  zeroUDot_.resize(n);
   zeroUDot_ = 0.0;
   udot_ = zeroUDot_;
   state_.updU() = 0.0;
@@ -33,16 +35,16 @@ int ReducedDynamics::findFree(int coordinate) const {
   return -1;
 }
 
-contact::JointCoordinates ReducedDynamics::coordinates(const VectorXd& z) const {
-  contact::JointCoordinates q{};
-  for (int i = 0; i < 6; ++i) {
+scene::Coordinates ReducedDynamics::coordinates(const VectorXd& z) const {
+  scene::Coordinates q(static_cast<size_t>(knee_.numCoordinates()));
+  for (int i = 0; i < knee_.numCoordinates(); ++i) {
     const int k = findFree(i);
     q[static_cast<size_t>(i)] = k < 0 ? knee_.motion(i).calcValue(time_) : scale_[static_cast<size_t>(k)] * z[k];
   }
   return q;
 }
 
-VectorXd ReducedDynamics::scaled(const contact::JointCoordinates& q) const {
+VectorXd ReducedDynamics::scaled(const scene::Coordinates& q) const {
   VectorXd z(numFree());
   for (int k = 0; k < numFree(); ++k) {
     z[k] = q[static_cast<size_t>(free_[static_cast<size_t>(k)])] / scale_[static_cast<size_t>(k)];
@@ -52,14 +54,16 @@ VectorXd ReducedDynamics::scaled(const contact::JointCoordinates& q) const {
 
 const SimTK::State& ReducedDynamics::setPose(const VectorXd& z) {
   SimTK::Vector& q = state_.updQ();
-  for (int k = 0; k < numFree(); ++k) q[free_[static_cast<size_t>(k)]] = scale_[static_cast<size_t>(k)] * z[k];
+  for (int k = 0; k < numFree(); ++k) q[index_[static_cast<size_t>(k)]] = scale_[static_cast<size_t>(k)] * z[k];
   knee_.system().realize(state_, SimTK::Stage::Position);
+  for (const auto& element : knee_.elements()) element->settle(state_);
   return state_;
 }
 
 EvaluationStatus ReducedDynamics::evaluate(const SimTK::Vector& udot, VectorXd& r) {
   const SimTK::MultibodySystem& system = knee_.system();
-  const EvaluationStatus status = knee_.contact().getStatus(state_);
+  EvaluationStatus status = knee_.contact().getStatus(state_);
+  if (isValid(status) && !knee_.findElementProblem(state_).empty()) status = EvaluationStatus::notConverged;
   r.resize(numFree());
   system.realize(state_, SimTK::Stage::Dynamics);
   // M udot + bias - applied forces: the force that would have to be added.
@@ -67,7 +71,7 @@ EvaluationStatus ReducedDynamics::evaluate(const SimTK::Vector& udot, VectorXd& 
                                                       system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), udot,
                                                       residual_);
   for (int k = 0; k < numFree(); ++k) {
-    r[k] = -scale_[static_cast<size_t>(k)] * residual_[free_[static_cast<size_t>(k)]];
+    r[k] = -scale_[static_cast<size_t>(k)] * residual_[index_[static_cast<size_t>(k)]];
   }
   return r.allFinite() ? status : EvaluationStatus::notConverged;
 }
@@ -84,7 +88,7 @@ EvaluationStatus ReducedDynamics::calcDynamicResidual(const VectorXd& z, const V
   u = 0.0;
   udot_ = 0.0;
   for (int k = 0; k < numFree(); ++k) {
-    const int i = free_[static_cast<size_t>(k)];
+    const int i = index_[static_cast<size_t>(k)];
     u[i] = scale_[static_cast<size_t>(k)] * v[k];
     udot_[i] = scale_[static_cast<size_t>(k)] * a[k];
   }
@@ -120,16 +124,16 @@ double ReducedDynamics::calcRestAcceleration(const VectorXd& r) {
   VectorXd force(n);
   for (int k = 0; k < n; ++k) {
     force[k] = r[k] / scale_[static_cast<size_t>(k)];
-    for (int j = 0; j < n; ++j) Mff(k, j) = M(free_[static_cast<size_t>(k)], free_[static_cast<size_t>(j)]);
+    for (int j = 0; j < n; ++j) Mff(k, j) = M(index_[static_cast<size_t>(k)], index_[static_cast<size_t>(j)]);
   }
   return Mff.ldlt().solve(force).cwiseAbs().maxCoeff();
 }
 
-std::array<double, 6> ReducedDynamics::calcHoldingForces() {
+std::vector<double> ReducedDynamics::calcHoldingForces() {
   VectorXd r;
   evaluate(zeroUDot_, r);
-  std::array<double, 6> forces{};
-  for (int i = 0; i < 6; ++i) forces[static_cast<size_t>(i)] = residual_[i];
+  std::vector<double> forces;
+  for (int i = 0; i < knee_.numCoordinates(); ++i) forces.push_back(residual_[knee_.stateIndex(i)]);
   return forces;
 }
 

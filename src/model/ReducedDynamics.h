@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <vector>
 
 #include "genu/contact/ContactPair.h"
@@ -11,10 +10,11 @@ namespace genu::model {
 
 /** The free coordinates of a KneeSystem at a given time, scaled so that all have the unit of length: z_i = q_i for a
  translation, kAngleLength_m q_i for an angle. Forces on them are r_i [N]: force, or moment / kAngleLength_m.
- Prescribed coordinates are at their value of that time and at rest. */
+ Prescribed coordinates are at their value of that time and at rest; force elements with states of their own (muscles) are at
+ the equilibrium of these. */
 class ReducedDynamics {
  public:
-  /** @throws InputError when the system has mobilities other than the joint's */
+  /** @throws InputError when the system has mobilities other than the scene's coordinates */
   ReducedDynamics(const KneeSystem& knee, const SimTK::State& defaultState, double time_s);
 
   int numFree() const { return static_cast<int>(free_.size()); }
@@ -22,8 +22,8 @@ class ReducedDynamics {
   int findFree(int coordinate) const;  ///< position in z, -1 when prescribed
   double time() const { return time_; }
 
-  contact::JointCoordinates coordinates(const Eigen::VectorXd& z) const;
-  Eigen::VectorXd scaled(const contact::JointCoordinates& q) const;
+  scene::Coordinates coordinates(const Eigen::VectorXd& z) const;
+  Eigen::VectorXd scaled(const scene::Coordinates& q) const;
 
   /** False: the contact result has no meaning there (full penetration, failed query). */
   static bool isValid(contact::EvaluationStatus status) { return status <= contact::EvaluationStatus::extrapolated; }
@@ -43,7 +43,7 @@ class ReducedDynamics {
   double calcRestAcceleration(const Eigen::VectorXd& r);
   /** Generalized forces that hold the coordinates at rest at the pose of the last evaluation: 0 for free ones in
    equilibrium. [N, N m] */
-  std::array<double, 6> calcHoldingForces();
+  std::vector<double> calcHoldingForces();
 
   /** Sets the pose and returns the State, realized to Position. */
   const SimTK::State& setPose(const Eigen::VectorXd& z);
@@ -57,8 +57,8 @@ class ReducedDynamics {
   const KneeSystem& knee_;
   SimTK::State state_;
   double time_;
-  std::vector<int> free_;
-  std::vector<double> scale_;  // q = scale z
+  std::vector<int> free_, index_;  // coordinate, and its place in the State's q and u
+  std::vector<double> scale_;      // q = scale z
   SimTK::Vector residual_, zeroUDot_, udot_;
 };
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -8,7 +9,18 @@
 
 namespace genu::model {
 
-scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<contact::JointCoordinates>& q,
+namespace {
+
+/** Of a scene without a model. */
+contact::Pose calcPose(const scene::Coordinates& q) {
+  contact::JointCoordinates six{};
+  std::copy(q.begin(), q.end(), six.begin());
+  return contact::calcPose(six);
+}
+
+}  // namespace
+
+scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<scene::Coordinates>& q,
                          const scene::Scene& scene, const scene::Progress& progress, bool estimateErrors,
                          const contact::TaskRunner* runner) {
   const auto wallStart = std::chrono::steady_clock::now();
@@ -16,15 +28,20 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<co
   if (time_s.size() != q.size()) {
     throw InputError("replay: " + std::to_string(time_s.size()) + " times but " + std::to_string(q.size()) + " poses");
   }
+  const size_t numCoordinates = scene.coordinates().size();
   for (size_t i = 0; i < q.size(); ++i) {
     bool finite = std::isfinite(time_s[i]);
     for (double value : q[i]) finite = finite && std::isfinite(value);
+    if (q[i].size() != numCoordinates) {
+      throw InputError("replay: frame " + std::to_string(i + 1) + " has " + std::to_string(q[i].size()) + " coordinates; the scene has " +
+                       std::to_string(numCoordinates));
+    }
     if (!finite) throw InputError("replay: frame " + std::to_string(i + 1) + " has a value that is not finite");
   }
 
   std::vector<ContactFrames> frames;
   if (scene.model) {
-    const UrdfModel urdf = readUrdf(scene.model->urdf, scene.model->joint);
+    const UrdfModel urdf = readUrdf(*scene.model);
     for (const scene::ContactSpec& contact : scene.contacts) frames.push_back(findContactFrames(urdf, contact));
   } else {
     for (const scene::ContactSpec& contact : scene.contacts) {
@@ -53,11 +70,11 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<co
     scene::Frame& frame = result.frames.emplace_back();
     frame.time_s = time_s[i];
     frame.q = q[i];
-    frame.constraintForce.assign(6, 0.0);
+    frame.constraintForce.assign(numCoordinates, 0.0);
     frame.contacts.resize(pairs.size());
     frame.errors.resize(estimators.size());
     for (size_t k = 0; k < pairs.size(); ++k) {
-      const contact::Pose X = frames.empty() ? contact::calcPose(q[i]) : frames[k].calcPose(q[i]);
+      const contact::Pose X = frames.empty() ? calcPose(q[i]) : frames[k].calcPose(q[i]);
       pairs[k]->evaluate(X, workspaces[k], {true}, frame.contacts[k]);
       if (estimateErrors) estimators[k].evaluate(workspaces[k], frame.errors[k]);
       ++result.statistics.contactEvaluations;

@@ -24,7 +24,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kMaxMove_m = 0.5e-3;
 /** Poses of two methods that differ by less are the same equilibrium. */
 constexpr double kMethodAgreement_m = 1e-6;
-constexpr int kCoordinateY = 4;
+constexpr int kAxisY = 4;
 
 double infinityNorm(const VectorXd& v) { return v.size() ? v.cwiseAbs().maxCoeff() : 0.0; }
 
@@ -52,8 +52,8 @@ struct Outcome {
 class Settling {
  public:
   Settling(const KneeSystem& knee, const SimTK::State& defaultState, const scene::Scene& scene,
-           const scene::StaticSpec& settings, const scene::Progress& progress)
-      : scene_(scene), settings_(settings), progress_(progress), dynamics_(knee, defaultState, settings.time_s) {}
+           const scene::StaticSpec& settings, const scene::Progress& progress, const scene::Coordinates* start)
+      : scene_(scene), settings_(settings), progress_(progress), start_(start), dynamics_(knee, defaultState, settings.time_s) {}
 
   StaticResult run();
 
@@ -63,13 +63,21 @@ class Settling {
   bool mayContinue(double fraction) { return !progress_ || progress_(std::clamp(fraction, 0.0, 1.0)); }
 
   VectorXd findStart();
-  void closeGap(VectorXd& z, int y);
-  double findGap(const VectorXd& z);
+  /** A floating joint whose child is lowered along y, and the contact pairs across it. */
+  struct Lowering {
+    int link = -1;
+    int y = -1;  ///< position in z
+    std::vector<int> pairs;
+  };
+  std::vector<Lowering> findLowerings();
+  void closeGap(VectorXd& z, const Lowering& lowering);
+  double findGap(const VectorXd& z, const Lowering& lowering);
+  bool touches(const Lowering& lowering) const;
   /** Lowest and highest y of the fixed and moving surfaces' boxes in F. */
   struct Extent {
     double fixedMin = kInfinity, fixedMax = -kInfinity, movingMin = kInfinity, movingMax = -kInfinity;
   };
-  Extent findExtent(const VectorXd& z);
+  Extent findExtent(const VectorXd& z, const Lowering& lowering);
 
   Outcome iterateNewton(VectorXd& z, VectorXd& r);
   Outcome integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcceleration);
@@ -81,15 +89,43 @@ class Settling {
   const scene::Scene& scene_;
   const scene::StaticSpec& settings_;
   const scene::Progress& progress_;
+  const scene::Coordinates* start_;
   ReducedDynamics dynamics_;
 };
 
-Settling::Extent Settling::findExtent(const VectorXd& z) {
+/** Every floating joint with y free: contact pairs that only it moves, the fixed side towards the root. */
+std::vector<Settling::Lowering> Settling::findLowerings() {
+  const KneeSystem& knee = dynamics_.knee();
+  std::vector<Lowering> result;
+  for (size_t link = 0; link < knee.urdf().links.size(); ++link) {
+    const auto& joint = knee.urdf().links[link].joint;
+    if (!joint || joint->type != JointType::floating) continue;
+    Lowering lowering;
+    lowering.link = static_cast<int>(link);
+    lowering.y = dynamics_.findFree(joint->firstCoordinate + kAxisY);
+    if (lowering.y < 0) continue;
+    for (size_t i = 0; i < scene_.contacts.size(); ++i) {
+      const ContactFrames frames = findContactFrames(knee.urdf(), scene_.contacts[i]);
+      int moving = 0;
+      bool own = false;
+      for (const ContactFrames::Step& step : frames.steps) {
+        if (step.joint.type == JointType::fixed) continue;
+        ++moving;
+        own = own || (!step.up && step.joint.firstCoordinate == joint->firstCoordinate);
+      }
+      if (own && moving == 1) lowering.pairs.push_back(static_cast<int>(i));
+    }
+    if (!lowering.pairs.empty()) result.push_back(std::move(lowering));
+  }
+  return result;
+}
+
+Settling::Extent Settling::findExtent(const VectorXd& z, const Lowering& lowering) {
   const SimTK::State& state = dynamics_.setPose(z);
   const KneeSystem& knee = dynamics_.knee();
   const ArticularContactSubsystem& contact = knee.contact();
-  const SimTK::Transform X_GF =
-      knee.joint().getParentMobilizedBody().getBodyTransform(state) * knee.joint().getInboardFrame(state);
+  const SimTK::MobilizedBody& child = knee.body(lowering.link);
+  const SimTK::Transform X_GF = child.getParentMobilizedBody().getBodyTransform(state) * child.getInboardFrame(state);
   Extent extent;
   const auto include = [&](const Eigen::AlignedBox3d& box, const SimTK::Transform& X_GB, double& low, double& high) {
     for (int corner = 0; corner < 8; ++corner) {
@@ -99,7 +135,7 @@ Settling::Extent Settling::findExtent(const VectorXd& z) {
       high = std::max(high, y);
     }
   };
-  for (int i = 0; i < contact.numContactPairs(); ++i) {
+  for (const int i : lowering.pairs) {
     const ArticularContactSubsystem::Attachment& at = contact.attachment(i);
     const SimTK::Transform X_GFixed = knee.matter().getMobilizedBody(at.fixed).getBodyTransform(state) * at.X_FixedF;
     const SimTK::Transform X_GMoving = knee.matter().getMobilizedBody(at.moving).getBodyTransform(state) * at.X_MovingM;
@@ -111,11 +147,11 @@ Settling::Extent Settling::findExtent(const VectorXd& z) {
   return extent;
 }
 
-/** Smallest element distance of all pairs. */
-double Settling::findGap(const VectorXd& z) {
+/** Smallest element distance of the pairs. */
+double Settling::findGap(const VectorXd& z, const Lowering& lowering) {
   const SimTK::State& state = dynamics_.setPose(z);
   double gap = kInfinity;
-  for (int i = 0; i < dynamics_.knee().contact().numContactPairs(); ++i) {
+  for (const int i : lowering.pairs) {
     for (const auto& compartment : dynamics_.knee().contact().calcFields(state, i)) {
       // Behind an open border there is no material: only how far away it is counts.
       for (const contact::ElementField& element : compartment) {
@@ -126,26 +162,34 @@ double Settling::findGap(const VectorXd& z) {
   return gap;
 }
 
+/** At the pose of the last evaluation. */
+bool Settling::touches(const Lowering& lowering) const {
+  return std::any_of(lowering.pairs.begin(), lowering.pairs.end(), [this](int pair) {
+    return dynamics_.knee().contact().getResult(dynamics_.state(), pair).total.activeElements > 0;
+  });
+}
+
 /** Lowers the moving body along y until it touches. A signed distance changes by at most the move, so moving by the
  smallest one never overshoots; the last move presses one element in by 1 um. */
-void Settling::closeGap(VectorXd& z, int y) {
+void Settling::closeGap(VectorXd& z, const Lowering& lowering) {
   constexpr double kTouch_m = 1e-6;
-  const Extent extent = findExtent(z);
+  const int y = lowering.y;
+  const Extent extent = findExtent(z, lowering);
   const double lowest = z[y] - (extent.movingMax - extent.fixedMin);  // entirely below the fixed surface
   VectorXd start;
-  if (dynamics_.calcStaticForce(z, start) == EvaluationStatus::fullPenetration) {
+  if (dynamics_.calcStaticForce(z, start) == EvaluationStatus::fullPenetration && scene_.contacts.size() == 1) {
     throw InputError(where() +
                      "the moving surface encloses the fixed one although it lies above it: its normals are inverted; "
                      "flip them (flip_normals)");
   }
   while (z[y] > lowest) {
     if (!mayContinue(0)) return;
-    const double gap = findGap(z);
+    const double gap = findGap(z, lowering);
     if (gap == kInfinity) break;
     z[y] -= std::max(gap, 0.0) + kTouch_m;
     VectorXd r;
     dynamics_.calcStaticForce(z, r);
-    if (dynamics_.hasContact()) return;
+    if (touches(lowering)) return;
   }
   throw ComputationError(where() +
                          "contact is never made: lowered from above, the moving body passes the fixed one "
@@ -154,31 +198,43 @@ void Settling::closeGap(VectorXd& z, int y) {
 }
 
 VectorXd Settling::findStart() {
-  contact::JointCoordinates q{};
-  bool yIsOpen = false;
+  const KneeSystem& knee = dynamics_.knee();
+  if (start_ != nullptr) return dynamics_.scaled(*start_);
+  scene::Coordinates q(static_cast<size_t>(knee.numCoordinates()), 0.0);
   for (int i : dynamics_.freeCoordinates()) {
-    const auto& spec = std::get<scene::FreeCoordinate>(scene_.model->coordinates[static_cast<size_t>(i)]);
-    q[static_cast<size_t>(i)] = spec.start.value_or(0.0);
-    if (i == kCoordinateY && !spec.start) yIsOpen = true;
+    q[static_cast<size_t>(i)] = std::get<scene::FreeCoordinate>(scene_.model->coordinates[static_cast<size_t>(i)]).start.value_or(0.0);
   }
   VectorXd z = dynamics_.scaled(q);
-  const int y = dynamics_.findFree(kCoordinateY);
-  if (dynamics_.knee().contact().numContactPairs() == 0) return z;
+  if (knee.contact().numContactPairs() == 0) return z;
+  const std::vector<Lowering> lowerings = findLowerings();
+  bool lowered = false;
+  for (const Lowering& lowering : lowerings) {
+    const int y = dynamics_.freeCoordinates()[static_cast<size_t>(lowering.y)];
+    if (std::get<scene::FreeCoordinate>(scene_.model->coordinates[static_cast<size_t>(y)]).start) continue;
+    const Extent extent = findExtent(z, lowering);
+    z[lowering.y] += extent.fixedMax - extent.movingMin;
+    closeGap(z, lowering);
+    lowered = true;
+  }
 
   VectorXd r;
-  const bool invalid = !yIsOpen && !ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r));
-  if (y < 0) {
-    if (invalid)
-      throw ComputationError(where() + "full penetration at the start, and y is prescribed; " + kPenetrationAdvice);
-    return z;
+  const EvaluationStatus status = dynamics_.calcStaticForce(z, r);
+  const bool invalid = !lowered && !ReducedDynamics::isValid(status);
+  if (invalid && lowerings.empty()) {
+    const std::string problem = knee.findElementProblem(dynamics_.state());
+    throw ComputationError(where() + (problem.empty() ? std::string("full penetration at the start, and y is prescribed; ") + kPenetrationAdvice
+                                                      : "at the start, " + problem));
   }
-  const bool separated = !yIsOpen && !invalid && !dynamics_.hasContact();
-  if (yIsOpen || invalid) {
-    const Extent extent = findExtent(z);
-    z[y] += extent.fixedMax - extent.movingMin;
-    closeGap(z, y);
+  // With one joint and nothing else to hold it, its child can be set down again.
+  const bool simple = lowerings.size() == 1 && knee.elements().empty() && knee.urdf().floatingChild >= 0;
+  if (!simple || lowered) return z;
+  const bool separated = !invalid && !dynamics_.hasContact();
+  if (invalid) {
+    const Extent extent = findExtent(z, lowerings[0]);
+    z[lowerings[0].y] += extent.fixedMax - extent.movingMin;
+    closeGap(z, lowerings[0]);
   } else if (separated && settings_.method != Method::implicitEuler) {
-    closeGap(z, y);
+    closeGap(z, lowerings[0]);
   }
   return z;
 }
@@ -355,16 +411,19 @@ Outcome Settling::integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcc
 void Settling::fillResult(const VectorXd& z, StaticResult& result) {
   VectorXd r;
   dynamics_.calcStaticForce(z, r);
+  const KneeSystem& knee = dynamics_.knee();
   result.q = dynamics_.coordinates(z);
   result.residual_N = infinityNorm(r);
   result.maxAcceleration = dynamics_.calcRestAcceleration(r);
   result.constraintForce = dynamics_.calcHoldingForces();
   for (int i : dynamics_.freeCoordinates()) result.constraintForce[static_cast<size_t>(i)] = 0;
   result.contacts.clear();
-  const ArticularContactSubsystem& contact = dynamics_.knee().contact();
-  for (int i = 0; i < contact.numContactPairs(); ++i) {
-    result.contacts.push_back(contact.getResultWithEnergy(dynamics_.state(), i));
+  for (int i = 0; i < knee.contact().numContactPairs(); ++i) {
+    result.contacts.push_back(knee.contact().getResultWithEnergy(dynamics_.state(), i));
   }
+  result.elementColumns = knee.listElementColumns();
+  result.elements = knee.calcElementOutputs(dynamics_.state());
+  result.paths = knee.calcElementPaths(dynamics_.state());
 }
 
 StaticResult Settling::run() {
@@ -429,7 +488,8 @@ StaticResult Settling::run() {
     return result;
   }
   const bool hasPairs = dynamics_.knee().contact().numContactPairs() > 0;
-  if (hasPairs && !touching) {
+  // Ligaments can hold bodies apart; without them separated bodies have nothing to rest on.
+  if (hasPairs && !touching && dynamics_.knee().elements().empty()) {
     throw ComputationError(
         where() + (outcome.touched ? "contact is lost: the loads drive the bodies apart" : "contact is never made") +
         (outcome.reason.empty() ? std::string() : " (" + outcome.reason + ")") + "; " + kNoContactAdvice);
@@ -439,13 +499,13 @@ StaticResult Settling::run() {
   }
   if (outcome.converged) {
     result.status = StaticResult::Status::converged;
-    result.statusText = "converged";
+    result.statusText = hasPairs && !touching ? "converged without contact" : "converged";
     MatrixXd K;
     if (dynamics_.numFree() > 0 && dynamics_.calcStaticForce(z, r) <= EvaluationStatus::extrapolated &&
         dynamics_.calcStiffness(z, r, K)) {
       const VectorXd stiffness = Eigen::SelfAdjointEigenSolver<MatrixXd>(0.5 * (K + K.transpose())).eigenvalues();
       if (stiffness.minCoeff() < -1e-6 * stiffness.cwiseAbs().maxCoeff()) {
-        result.statusText = "converged to an unstable equilibrium: the least disturbance makes the body leave it";
+        result.statusText += " to an unstable equilibrium: the least disturbance makes the body leave it";
       }
     }
     for (const contact::ContactResult& contact : result.contacts) {
@@ -463,20 +523,20 @@ StaticResult Settling::run() {
 
 }  // namespace
 
-contact::JointCoordinates calcEquilibriumRates(const KneeSystem& knee, const SimTK::State& defaultState,
-                                               const contact::JointCoordinates& q, double time_s) {
+scene::Coordinates calcEquilibriumRates(const KneeSystem& knee, const SimTK::State& defaultState, const scene::Coordinates& q,
+                                        double time_s) {
   // Moves of the order of the stiffness differences at gait speeds, far above the force's rounding.
   constexpr double kTimeStep_s = 1e-6;
   ReducedDynamics now(knee, defaultState, time_s), later(knee, defaultState, time_s + kTimeStep_s);
   const VectorXd z = now.scaled(q);
   VectorXd r0, r1;
   MatrixXd K;
-  contact::JointCoordinates rates{};
+  scene::Coordinates rates(q.size(), 0.0);
   if (now.numFree() == 0 || !ReducedDynamics::isValid(now.calcStaticForce(z, r0)) || !now.calcStiffness(z, r0, K) ||
       !ReducedDynamics::isValid(later.calcStaticForce(z, r1))) {
     return rates;
   }
-  const contact::JointCoordinates values = now.coordinates(solveStiffness(K, (r1 - r0) / kTimeStep_s));
+  const scene::Coordinates values = now.coordinates(solveStiffness(K, (r1 - r0) / kTimeStep_s));
   for (int i : now.freeCoordinates()) rates[static_cast<size_t>(i)] = values[static_cast<size_t>(i)];
   return rates;
 }
@@ -488,11 +548,11 @@ double cpuTime_s() {
 }
 
 StaticResult settle(const KneeSystem& knee, const SimTK::State& defaultState, const scene::Scene& scene,
-                    const scene::StaticSpec& settings, const scene::Progress& progress) {
+                    const scene::StaticSpec& settings, const scene::Progress& progress, const scene::Coordinates* start) {
   const auto wallStart = std::chrono::steady_clock::now();
   const double cpuStart = cpuTime_s();
   knee.checkTablesCover(settings.time_s, settings.time_s);
-  StaticResult result = Settling(knee, defaultState, scene, settings, progress).run();
+  StaticResult result = Settling(knee, defaultState, scene, settings, progress, start).run();
   result.wallTime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wallStart).count();
   result.cpuTime_s = cpuTime_s() - cpuStart;
   return result;

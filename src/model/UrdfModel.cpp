@@ -112,8 +112,15 @@ LinkInertia toInertia(const urdf::Inertial& inertial, const std::string& place) 
 
 class Reader {
  public:
-  Reader(UrdfModel& model, const Places& places, const std::string& floatingJoint)
-      : model_(model), places_(places), floatingJoint_(floatingJoint) {}
+  Reader(UrdfModel& model, const Places& places, const scene::ModelSpec& spec) : model_(model), places_(places), only_(spec.joint) {
+    joints_ = spec.joints;
+    if (joints_.empty()) joints_.push_back({spec.joint, scene::JointSpec::Kind::floating});
+    int first = 0;
+    for (const scene::JointSpec& joint : joints_) {
+      firstCoordinates_.push_back(first);
+      first += joint.numCoordinates();
+    }
+  }
 
   void addSubtree(const urdf::Link& link, int parent) {
     const int index = addLink(link, parent);
@@ -121,6 +128,68 @@ class Reader {
   }
 
  private:
+  static const char* describe(scene::JointSpec::Kind kind) {
+    switch (kind) {
+      case scene::JointSpec::Kind::floating:
+        return "must be 'floating' (six coordinates)";
+      case scene::JointSpec::Kind::rotation:
+        return "must be 'revolute' or 'continuous' (coordinate angle)";
+      default:
+        return "must be 'prismatic' (coordinate translation)";
+    }
+  }
+  static JointType typeOf(const urdf::Joint& joint) {
+    switch (joint.type) {
+      case urdf::Joint::FLOATING:
+        return JointType::floating;
+      case urdf::Joint::REVOLUTE:
+      case urdf::Joint::CONTINUOUS:
+        return JointType::rotation;
+      case urdf::Joint::PRISMATIC:
+        return JointType::translation;
+      default:
+        return JointType::fixed;
+    }
+  }
+  static JointType typeOf(scene::JointSpec::Kind kind) {
+    return kind == scene::JointSpec::Kind::floating   ? JointType::floating
+           : kind == scene::JointSpec::Kind::rotation ? JointType::rotation
+                                                      : JointType::translation;
+  }
+
+  UrdfJoint makeJoint(const urdf::Joint& joint, int parent) {
+    const std::string place = places_.place("joint", joint.name);
+    UrdfJoint own;
+    own.name = joint.name;
+    own.parent = parent;
+    own.X_PF = toPose(joint.parent_to_joint_origin_transform, place);
+    own.type = typeOf(joint);
+    size_t index = 0;
+    while (index < joints_.size() && joints_[index].name != joint.name) ++index;
+    if (index == joints_.size()) {
+      if (joint.type == urdf::Joint::FIXED) return own;
+      const bool known = own.type != JointType::fixed;
+      throw InputError(place + "type '" + typeName(joint) + "' is not supported here; " +
+                       (!only_.empty() ? "use 'fixed', or 'floating' for the joint the scene names ('" + only_ + "')"
+                        : known ? "the scene's model.joints must list it, as every joint that moves"
+                                : "supported are fixed, floating, revolute, continuous and prismatic"));
+    }
+    const scene::JointSpec& spec = joints_[index];
+    if (joint.type == urdf::Joint::FIXED || typeOf(spec.kind) != own.type) {
+      throw InputError(place + "is '" + typeName(joint) + "', but the scene's joint " + describe(spec.kind));
+    }
+    own.firstCoordinate = firstCoordinates_[index];
+    if (own.type != JointType::floating) {
+      own.axis_F = Vec3(joint.axis.x, joint.axis.y, joint.axis.z);
+      const double length = own.axis_F.norm();
+      if (!(length > 1e-6) || !std::isfinite(length)) throw InputError(place + "its axis has no direction");
+      own.axis_F /= length;
+    }
+    return own;
+  }
+
+  static bool moves(const urdf::Joint& joint) { return typeOf(joint) != JointType::fixed; }
+
   int addLink(const urdf::Link& link, int parent) {
     UrdfLink result;
     result.name = link.name;
@@ -128,27 +197,13 @@ class Reader {
     if (link.inertial) result.inertia = toInertia(*link.inertial, place);
     const int index = static_cast<int>(model_.links.size());
     if (link.parent_joint) {
-      const urdf::Joint& joint = *link.parent_joint;
-      const std::string jointPlace = places_.place("joint", joint.name);
-      const bool named = joint.name == floatingJoint_;
-      if (named && joint.type != urdf::Joint::FLOATING) {
-        throw InputError(jointPlace + "is '" + typeName(joint) +
-                         "', but the scene's joint must be 'floating' (six coordinates)");
-      }
-      if (!named && joint.type != urdf::Joint::FIXED) {
-        throw InputError(jointPlace + "type '" + typeName(joint) +
-                         "' is not supported here; use 'fixed', or 'floating' for the joint the scene names ('" +
-                         floatingJoint_ + "')");
-      }
-      UrdfJoint& own = result.joint.emplace();
-      own.name = joint.name;
-      own.type = named ? JointType::floating : JointType::fixed;
-      own.parent = parent;
-      own.X_PF = toPose(joint.parent_to_joint_origin_transform, jointPlace);
-      if (named) {
-        model_.floatingChild = index;
-        if (!result.inertia) {
-          throw InputError(place + "has no <inertial>; the moving link of joint '" + joint.name +
+      result.joint = makeJoint(*link.parent_joint, parent);
+      if (result.joint->type != JointType::fixed) {
+        if (!only_.empty()) model_.floatingChild = index;
+        bool carries = result.inertia.has_value();
+        for (const auto& child : link.child_joints) carries = carries || moves(*child);
+        if (!carries) {
+          throw InputError(place + "has no <inertial>; the moving link of joint '" + result.joint->name +
                            "' needs a mass [kg] and an inertia [kg m^2]");
         }
       }
@@ -159,10 +214,29 @@ class Reader {
 
   UrdfModel& model_;
   const Places& places_;
-  const std::string& floatingJoint_;
+  std::string only_;
+  std::vector<scene::JointSpec> joints_;
+  std::vector<int> firstCoordinates_;
 };
 
 }  // namespace
+
+Pose UrdfJoint::calcPose(const double* q) const {
+  Pose X;
+  if (type == JointType::fixed) return X;
+  const double* own = q + firstCoordinate;
+  if (type == JointType::floating) {
+    contact::JointCoordinates six{};
+    for (size_t i = 0; i < 6; ++i) six[i] = own[i];
+    return contact::calcPose(six);
+  }
+  if (type == JointType::rotation) {
+    X.R = Eigen::AngleAxisd(*own, axis_F).toRotationMatrix();
+  } else {
+    X.p = *own * axis_F;
+  }
+  return X;
+}
 
 int UrdfModel::findLink(const std::string& name) const {
   for (size_t i = 0; i < links.size(); ++i) {
@@ -179,54 +253,84 @@ LinkFrame findFrame(const UrdfModel& model, const std::string& linkName, const s
     for (const UrdfLink& link : model.links) names += (names.empty() ? "'" : ", '") + link.name + "'";
     throw InputError(use + ": " + model.file.string() + " has no link '" + linkName + "'; its links are " + names);
   }
-  const Pose X_ParentF = model.floatingJoint().X_PF;
-  if (frame.link == model.floatingParent()) frame.X_LinkFrame = X_ParentF;
-
-  // Up to the anchor: the root's own chain for the fixed side, the floating joint's child for the moving side.
-  const auto rootPose = [&](int link, bool& moves) {
-    Pose X;
-    for (int i = link; model.links[static_cast<size_t>(i)].joint;) {
-      if (i == model.floatingChild) {
-        moves = true;
-        break;
-      }
-      const UrdfJoint& joint = *model.links[static_cast<size_t>(i)].joint;
-      X = joint.X_PF * X;
-      i = joint.parent;
-    }
-    return X;
-  };
-  const Pose X_TopLink = rootPose(frame.link, frame.moves);
-  frame.X_AnchorFrame = X_TopLink * frame.X_LinkFrame;
-  if (!frame.moves) {
-    bool parentMoves = false;
-    const Pose X_RootF = rootPose(model.floatingParent(), parentMoves) * X_ParentF;
-    frame.X_AnchorFrame = X_RootF.inverse() * frame.X_AnchorFrame;
-  }
+  if (frame.link == model.floatingParent()) frame.X_LinkFrame = model.links[static_cast<size_t>(model.floatingChild)].joint->X_PF;
   return frame;
 }
 
+std::vector<Pose> calcLinkPoses(const UrdfModel& model, const double* q) {
+  std::vector<Pose> poses;
+  for (const UrdfLink& link : model.links) {
+    if (!link.joint) {
+      poses.emplace_back();
+      continue;
+    }
+    poses.push_back(poses[static_cast<size_t>(link.joint->parent)] * link.joint->X_PF * link.joint->calcPose(q));
+  }
+  return poses;
+}
+
 ContactFrames findContactFrames(const UrdfModel& model, const scene::ContactSpec& contact) {
-  const auto nameOf = [&](const std::string& given, int standard) {
-    return given.empty() ? model.links[static_cast<size_t>(standard)].name : given;
-  };
   const std::string where = "contact '" + contact.name + "'";
+  int child = -1, numFloating = 0;
+  for (size_t i = 0; i < model.links.size(); ++i) {
+    if (!model.links[i].joint || model.links[i].joint->type != JointType::floating) continue;
+    child = static_cast<int>(i);
+    ++numFloating;
+  }
+  const auto nameOf = [&](const std::string& given, const char* side) {
+    if (!given.empty()) return given;
+    if (numFloating != 1) {
+      throw InputError(where + ": the model has " + std::to_string(numFloating) + " floating joints; say which link the " + side +
+                       " side is on (" + side + ": {body: ...})");
+    }
+    const int standard = side == std::string("moving") ? child : model.links[static_cast<size_t>(child)].joint->parent;
+    return model.links[static_cast<size_t>(standard)].name;
+  };
   ContactFrames frames;
-  frames.fixed = findFrame(model, nameOf(contact.fixedBody, model.floatingParent()), where + ", fixed body");
-  frames.moving = findFrame(model, nameOf(contact.movingBody, model.floatingChild), where + ", moving body");
-  if (frames.fixed.moves == frames.moving.moves) {
-    throw InputError(where + ": its two bodies are both on the " + (frames.fixed.moves ? "moving" : "fixed") +
-                     " side of joint '" + model.floatingJoint().name + "' and never move against each other");
+  frames.fixed = findFrame(model, nameOf(contact.fixedBody, "fixed"), where + ", fixed body");
+  frames.moving = findFrame(model, nameOf(contact.movingBody, "moving"), where + ", moving body");
+  // Only named joint, with names left out, through `joints`: the frames are F and M all the same.
+  if (contact.fixedBody.empty() && model.floatingChild < 0) {
+    frames.fixed.X_LinkFrame = model.links[static_cast<size_t>(child)].joint->X_PF;
+  }
+
+  const auto chainOf = [&](int link) {  // links from the root's first child down to it
+    std::vector<int> chain;
+    for (int i = link; model.links[static_cast<size_t>(i)].joint; i = model.links[static_cast<size_t>(i)].joint->parent) {
+      chain.insert(chain.begin(), i);
+    }
+    return chain;
+  };
+  std::vector<int> up = chainOf(frames.fixed.link), down = chainOf(frames.moving.link);
+  size_t common = 0;
+  while (common < up.size() && common < down.size() && up[common] == down[common]) ++common;
+  bool moves = false;
+  const auto add = [&](int link, bool isUp) {
+    const UrdfJoint& joint = *model.links[static_cast<size_t>(link)].joint;
+    moves = moves || joint.type != JointType::fixed;
+    frames.steps.push_back({joint, isUp});
+  };
+  for (size_t i = up.size(); i > common; --i) add(up[i - 1], true);
+  for (size_t i = common; i < down.size(); ++i) add(down[i], false);
+  if (!moves) {
+    throw InputError(where + ": its two bodies '" + model.links[static_cast<size_t>(frames.fixed.link)].name + "' and '" +
+                     model.links[static_cast<size_t>(frames.moving.link)].name +
+                     "' never move against each other: no joint that moves lies between them");
   }
   return frames;
 }
 
-Pose ContactFrames::calcPose(const contact::JointCoordinates& q) const {
-  const Pose X_FM = contact::calcPose(q);
-  return fixed.X_AnchorFrame.inverse() * (fixed.moves ? X_FM.inverse() : X_FM) * moving.X_AnchorFrame;
+Pose ContactFrames::calcPose(const double* q) const {
+  Pose X = fixed.X_LinkFrame.inverse();
+  for (const Step& step : steps) {
+    const Pose X_PM = step.joint.X_PF * step.joint.calcPose(q);
+    X = X * (step.up ? X_PM.inverse() : X_PM);
+  }
+  return X * moving.X_LinkFrame;
 }
 
-UrdfModel readUrdf(const std::filesystem::path& file, const std::string& floatingJoint) {
+UrdfModel readUrdf(const scene::ModelSpec& spec) {
+  const std::filesystem::path& file = spec.urdf;
   const std::string name = file.string();
   std::ifstream stream(file, std::ios::binary);
   std::ostringstream buffer;
@@ -258,15 +362,17 @@ UrdfModel readUrdf(const std::filesystem::path& file, const std::string& floatin
     }
   }
 
-  if (!parsed->getJoint(floatingJoint)) {
+  std::vector<scene::JointSpec> wanted = spec.joints;
+  if (wanted.empty()) wanted.push_back({spec.joint, scene::JointSpec::Kind::floating});
+  for (const scene::JointSpec& joint : wanted) {
+    if (parsed->getJoint(joint.name)) continue;
     std::string names;
     for (const auto& entry : parsed->joints_) names += (names.empty() ? "'" : ", '") + entry.first + "'";
-    throw InputError(name + ": has no joint '" + floatingJoint + "'; its joints are " +
-                     (names.empty() ? "none" : names));
+    throw InputError(name + ": has no joint '" + joint.name + "'; its joints are " + (names.empty() ? "none" : names));
   }
   UrdfModel model;
   model.file = file;
-  Reader(model, places, floatingJoint).addSubtree(*parsed->getRoot(), -1);
+  Reader(model, places, spec).addSubtree(*parsed->getRoot(), -1);
   if (model.links.size() != parsed->links_.size()) {
     // Links of a loop own each other and would never be freed.
     for (const auto& entry : parsed->links_) entry.second->child_links.clear();

@@ -125,52 +125,108 @@ double calcTimeRange(const std::vector<Frame>& frames) { return std::max(frames.
 
 }  // namespace
 
-std::string writeMotionPlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory,
-                            const RunInfo& info) {
-  std::vector<int> shown;
-  for (int i = 0; i < 6; ++i) {
-    if (!scene.model ||
-        std::holds_alternative<scene::FreeCoordinate>(scene.model->coordinates[static_cast<size_t>(i)])) {
-      shown.push_back(i);
+std::vector<std::string> writeMotionPlots(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory,
+                                          const RunInfo& info) {
+  const std::vector<scene::CoordinateInfo> coordinates = scene.coordinates();
+  const bool several = scene.model && !scene.model->joints.empty();
+  std::vector<std::string> scripts;
+  for (size_t first = 0, next = 0; first < coordinates.size(); first = next) {
+    std::vector<size_t> shown;
+    while (next < coordinates.size() && coordinates[next].joint == coordinates[first].joint) {
+      if (!scene.model || coordinates[next].isFree) shown.push_back(next);
+      ++next;
     }
-  }
-  if (shown.empty()) return {};
-  const auto scale = [](int i) { return i < 3 ? 180 / contact::kPi : 1e3; };
-  std::string data = "# time_s";
-  for (int i : shown)
-    data += fmt::format(" {}_{}", scene::kCoordinateNames[static_cast<size_t>(i)], i < 3 ? "deg" : "mm");
-  data += "\n";
-  for (const auto& frame : trajectory.frames) {
-    data += fmt::format("{}", frame.time_s);
-    for (int i : shown) data += fmt::format(" {:.9g}", frame.q[static_cast<size_t>(i)] * scale(i));
+    if (shown.empty()) continue;
+    const std::string name = several ? "motion_" + coordinates[first].joint : "motion";
+    std::string data = "# time_s";
+    for (const size_t i : shown) data += fmt::format(" {}_{}", coordinates[i].name, coordinates[i].unit());
     data += "\n";
-  }
-  std::vector<Panel> panels;
-  std::vector<int> referenceColumns;
-  int column = 2;
-  int numReference = 0;
-  for (int i : shown) {
-    panels.push_back({fmt::format("{} ({})", kCoordinateTitles[static_cast<size_t>(i)], i < 3 ? "deg" : "mm"),
-                      {{"predicted", column++, kColors[0]}}});
-    const bool known = info.reference && info.reference->coordinate.count(i) > 0;
-    referenceColumns.push_back(known ? ++numReference + 1 : 0);
-  }
-  if (numReference > 0) {
-    std::string text = "# reference: " + info.reference->source + "\n";
-    for (size_t row = 0; row < info.reference->time_s.size(); ++row) {
-      text += fmt::format("{}", info.reference->time_s[row]);
-      for (int i : shown) {
-        const auto found = info.reference->coordinate.find(i);
-        if (found != info.reference->coordinate.end()) text += fmt::format(" {:.9g}", found->second[row] * scale(i));
-      }
-      text += "\n";
+    for (const auto& frame : trajectory.frames) {
+      data += fmt::format("{}", frame.time_s);
+      for (const size_t i : shown) data += fmt::format(" {:.9g}", frame.q[i] * coordinates[i].unitsPerSi());
+      data += "\n";
     }
-    io::writeFileAtomically(out.file("plots/motion_reference.dat"), text);
+    std::vector<Panel> panels;
+    std::vector<int> referenceColumns;
+    int column = 2;
+    int numReference = 0;
+    for (const size_t i : shown) {
+      const scene::CoordinateInfo& c = coordinates[i];
+      const bool floating = c.shortName != "angle" && c.shortName != "translation";
+      const std::string title = !floating ? c.name : several ? c.name : kCoordinateTitles[static_cast<size_t>(c.axis)];
+      panels.push_back({fmt::format("{} ({})", title, c.unit()), {{"predicted", column++, kColors[0]}}});
+      const bool known = info.reference && info.reference->coordinate.count(static_cast<int>(i)) > 0;
+      referenceColumns.push_back(known ? ++numReference + 1 : 0);
+    }
+    const std::string referenceFile = name + "_reference.dat";
+    if (numReference > 0) {
+      std::string text = "# reference: " + info.reference->source + "\n";
+      for (size_t row = 0; row < info.reference->time_s.size(); ++row) {
+        text += fmt::format("{}", info.reference->time_s[row]);
+        for (const size_t i : shown) {
+          const auto found = info.reference->coordinate.find(static_cast<int>(i));
+          if (found != info.reference->coordinate.end()) text += fmt::format(" {:.9g}", found->second[row] * coordinates[i].unitsPerSi());
+        }
+        text += "\n";
+      }
+      io::writeFileAtomically(out.file("plots/" + referenceFile), text);
+    }
+    writePlot(out, name, data, makeTimeScript(name, panels, calcTimeRange(trajectory.frames), referenceFile, referenceColumns));
+    scripts.push_back(name + ".gp");
   }
-  writePlot(
-      out, "motion", data,
-      makeTimeScript("motion", panels, calcTimeRange(trajectory.frames), "motion_reference.dat", referenceColumns));
-  return "motion.gp";
+  return scripts;
+}
+
+std::vector<std::string> writeElementPlots(OutputFolder& out, const scene::Trajectory& trajectory) {
+  std::vector<std::string> keywords, scripts;
+  for (const auto& column : trajectory.elementColumns) {
+    if (keywords.empty() || keywords.back() != column.keyword) keywords.push_back(column.keyword);
+  }
+  std::sort(keywords.begin(), keywords.end());
+  keywords.erase(std::unique(keywords.begin(), keywords.end()), keywords.end());
+  for (const std::string& keyword : keywords) {
+    // (largest force, column) of every element
+    std::vector<std::pair<double, size_t>> ranked;
+    for (size_t i = 0; i < trajectory.elementColumns.size(); ++i) {
+      const scene::ElementColumn& column = trajectory.elementColumns[i];
+      if (column.keyword != keyword || column.quantity != "force") continue;
+      double largest = 0;
+      for (const auto& frame : trajectory.frames) largest = std::max(largest, std::abs(frame.elements[i]));
+      ranked.emplace_back(-largest, i);
+    }
+    if (ranked.empty()) continue;
+    std::stable_sort(ranked.begin(), ranked.end());
+    const size_t count = std::min<size_t>(ranked.size(), kMaxElementCurves);
+    const bool more = ranked.size() > count;
+    Panel force{more ? fmt::format("{} force (N), {} of {}", keyword, count, ranked.size()) : keyword + " force (N)", {}, true};
+    Panel activation{"activation", {}, true};
+    std::vector<size_t> columns;
+    const auto addCurve = [&](Panel& panel, size_t index, size_t curve) {
+      columns.push_back(index);
+      panel.curves.push_back({trajectory.elementColumns[index].element, static_cast<int>(columns.size()) + 1, kColors[curve % kColors.size()],
+                              curve < kColors.size() ? 1 : 2});
+    };
+    for (size_t k = 0; k < count; ++k) {
+      const size_t index = ranked[k].second;
+      addCurve(force, index, k);
+      for (size_t i = index; i < trajectory.elementColumns.size() && trajectory.elementColumns[i].element == trajectory.elementColumns[index].element; ++i) {
+        if (trajectory.elementColumns[i].quantity == "activation") addCurve(activation, i, k);
+      }
+    }
+    std::string data = "# time_s";
+    for (const size_t i : columns) data += " " + trajectory.elementColumns[i].label();
+    data += "\n";
+    for (const auto& frame : trajectory.frames) {
+      data += fmt::format("{}", frame.time_s);
+      for (const size_t i : columns) data += fmt::format(" {:.9g}", frame.elements[i]);
+      data += "\n";
+    }
+    std::vector<Panel> panels = {force};
+    if (!activation.curves.empty()) panels.push_back(activation);
+    writePlot(out, keyword, data, makeTimeScript(keyword, panels, calcTimeRange(trajectory.frames)));
+    scripts.push_back(keyword + ".gp");
+  }
+  return scripts;
 }
 
 std::string writeForcePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory) {

@@ -13,9 +13,14 @@ namespace genu::report {
 /** gnuplot scripts and their data, written into `plots/` of a results folder; each returns the script's name. The
  scripts run from their own folder, so a user can restyle and rerun them. Colours: Okabe & Ito (2008) and viridis. */
 
-/** Predicted (free) coordinates over time, with the reference where it has the coordinate. */
-std::string writeMotionPlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory,
-                            const RunInfo& info);
+/** Predicted (free) coordinates over time, with the reference where it has the coordinate: one plot per joint, `motion` of an only one. */
+std::vector<std::string> writeMotionPlots(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory,
+                                          const RunInfo& info);
+
+/** Forces of the elements, one plot per keyword: the strongest kMaxElementCurves, and how many more there are. Muscles also with their
+ activation. */
+std::vector<std::string> writeElementPlots(OutputFolder& out, const scene::Trajectory& trajectory);
+inline constexpr int kMaxElementCurves = 12;
 
 /** Scalar force and torque of each compartment over time. */
 std::string writeForcePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory);

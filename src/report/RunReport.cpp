@@ -62,8 +62,10 @@ std::string makeFileName(std::string name) {
   return name.empty() ? "pair" : name;
 }
 
-bool isFree(const Scene& scene, size_t coordinate) {
-  return scene.model && std::holds_alternative<scene::FreeCoordinate>(scene.model->coordinates[coordinate]);
+contact::Pose calcJointPose(const Frame& frame) {
+  contact::JointCoordinates six{};
+  std::copy_n(frame.q.begin(), std::min<size_t>(6, frame.q.size()), six.begin());
+  return contact::calcPose(six);
 }
 
 // ---------------------------------------------------------------------------------------------------------------
@@ -71,22 +73,40 @@ bool isFree(const Scene& scene, size_t coordinate) {
 // ---------------------------------------------------------------------------------------------------------------
 
 void writeMotion(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
+  const std::vector<scene::CoordinateInfo> coordinates = scene.coordinates();
+  const size_t n = coordinates.size();
   io::Table table;
   table.columns = {"time"};
-  for (const char* name : kCoordinateNames) table.columns.push_back(name);
-  for (const char* name : kCoordinateNames) table.columns.push_back(std::string(name) + "_rate");
+  for (const auto& c : coordinates) table.columns.push_back(c.name);
+  for (const auto& c : coordinates) table.columns.push_back(c.name + "_rate");
   table.data.resize(table.columns.size());
   for (const auto& frame : trajectory.frames) {
     table.data[0].push_back(frame.time_s);
-    for (size_t i = 0; i < 6; ++i) {
-      const double scale = i < 3 ? 1 / kDegree : 1;
+    for (size_t i = 0; i < n; ++i) {
+      const double scale = coordinates[i].isAngle ? 1 / kDegree : 1;
       table.data[1 + i].push_back(frame.q[i] * scale);
-      table.data[7 + i].push_back(frame.qdot[i] * scale);
+      table.data[1 + n + i].push_back(frame.qdot.empty() ? 0.0 : frame.qdot[i] * scale);
     }
   }
+  const bool one = !scene.model || scene.model->joints.empty();
   io::writeSto(out.file("motion.sto"), scene.name + ", coordinates", table, true,
-               "Pose of the moving body in the fixed body: R = Rx(rx) Ry(ry) Rz(rz), position x, y, z.\n"
-               "Angles in deg, lengths in m, times in s; NAME_rate is the time derivative.");
+               std::string(one ? "Pose of the moving body in the fixed body: " : "JOINT.rx to JOINT.z: pose of the child link in the joint's frame, ") +
+                   "R = Rx(rx) Ry(ry) Rz(rz), position x, y, z.\n"
+                   "Angles in deg, lengths in m, times in s; NAME_rate is the time derivative.");
+}
+
+void writeElements(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
+  io::Table table;
+  table.columns = {"time"};
+  for (const auto& column : trajectory.elementColumns) table.columns.push_back(column.label());
+  table.data.resize(table.columns.size());
+  for (const auto& frame : trajectory.frames) {
+    table.data[0].push_back(frame.time_s);
+    for (size_t i = 0; i < trajectory.elementColumns.size(); ++i) table.data[1 + i].push_back(frame.elements[i]);
+  }
+  io::writeSto(out.file("elements.sto"), scene.name + ", force elements", table, false,
+               "ELEMENT.quantity_unit, SI; force: tension along the path. inside_wrap: ends of the path inside its wrapping surface.\n"
+               "state of muscles: 0 ok, 1 tendon slack, 2 fibre below, 3 above the range of the curves.");
 }
 
 void writeContact(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
@@ -214,7 +234,7 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
         break;
       }
       const Frame& frame = trajectory.frames[i];
-      const contact::Pose X_FM = info.calcPairPose ? info.calcPairPose(frame, p) : contact::calcPose(frame.q);
+      const contact::Pose X_FM = info.calcPairPose ? info.calcPairPose(frame, p) : calcJointPose(frame);
       pair.evaluate(X_FM, workspace, {}, result);
       const auto fields = pair.calcFields(workspace);
       if (info.maps) {
@@ -298,19 +318,31 @@ ordered_json copyScene(OutputFolder& out, const Scene& scene, const fs::path& da
 // Summary
 // ---------------------------------------------------------------------------------------------------------------
 
-ordered_json makePose(const contact::JointCoordinates& q) {
+ordered_json makePose(const Scene& scene, const scene::Coordinates& q) {
   ordered_json json;
-  for (size_t i = 0; i < 6; ++i) {
-    json[std::string(kCoordinateNames[i]) + (i < 3 ? "_deg" : "_mm")] = i < 3 ? q[i] / kDegree : q[i] * 1e3;
+  const auto coordinates = scene.coordinates();
+  for (size_t i = 0; i < coordinates.size(); ++i) {
+    json[coordinates[i].name + "_" + coordinates[i].unit()] = coordinates[i].isAngle ? q[i] / kDegree : q[i] * 1e3;
   }
   return json;
 }
 
-ordered_json makeInstant(const Scene& scene, const Frame& frame) {
+/** Keyword -> element -> quantity -> value. */
+ordered_json makeElements(const Trajectory& trajectory, const Frame& frame) {
+  ordered_json json;
+  for (size_t i = 0; i < trajectory.elementColumns.size(); ++i) {
+    const scene::ElementColumn& column = trajectory.elementColumns[i];
+    json[column.keyword][column.element][column.quantity + (column.unit.empty() ? "" : "_" + column.unit)] = frame.elements[i];
+  }
+  return json;
+}
+
+ordered_json makeInstant(const Scene& scene, const Trajectory& trajectory, const Frame& frame) {
   ordered_json json;
   json["time_s"] = frame.time_s;
-  json["pose"] = makePose(frame.q);
+  json["pose"] = makePose(scene, frame.q);
   json["contact"] = toJson(scene, frame.contacts, frame.errors);
+  if (!trajectory.elementColumns.empty()) json["elements"] = makeElements(trajectory, frame);
   return json;
 }
 
@@ -375,9 +407,9 @@ ordered_json makeLargestErrors(const Scene& scene, const Trajectory& trajectory)
 
 /** Difference of a predicted coordinate from the reference: as it is and with the means aligned; also against the
  mirrored reference, because signs of measured angles are a frequent doubt. */
-ordered_json compare(const Trajectory& trajectory, const ReferenceMotion& reference, int coordinate) {
+ordered_json compare(const Trajectory& trajectory, const ReferenceMotion& reference, int coordinate, bool isAngle) {
   const auto& values = reference.coordinate.at(coordinate);
-  const double scale = coordinate < 3 ? 1 / kDegree : 1e3;
+  const double scale = isAngle ? 1 / kDegree : 1e3;
   std::vector<double> predicted, measured;
   for (const auto& frame : trajectory.frames) {
     if (frame.time_s < reference.time_s.front() || frame.time_s > reference.time_s.back()) continue;
@@ -395,7 +427,7 @@ ordered_json compare(const Trajectory& trajectory, const ReferenceMotion& refere
     for (size_t i = 0; i < predicted.size(); ++i) sum += std::pow(predicted[i] - sign * measured[i] - shift, 2);
     return std::sqrt(sum / static_cast<double>(predicted.size()));
   };
-  json["unit"] = coordinate < 3 ? "deg" : "mm";
+  json["unit"] = isAngle ? "deg" : "mm";
   json["rms"] = rms(1, false);
   json["rms_means_aligned"] = rms(1, true);
   json["rms_mirrored"] = rms(-1, false);
@@ -409,20 +441,22 @@ ordered_json compare(const Trajectory& trajectory, const ReferenceMotion& refere
 
 ordered_json makeMotionSummary(const Scene& scene, const Trajectory& trajectory, const RunInfo& info) {
   ordered_json json;
-  for (size_t i = 0; i < 6; ++i) {
+  const auto coordinates = scene.coordinates();
+  for (size_t i = 0; i < coordinates.size(); ++i) {
+    const scene::CoordinateInfo& coordinate = coordinates[i];
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (const auto& frame : trajectory.frames) low = std::min(low, frame.q[i]), high = std::max(high, frame.q[i]);
-    const double scale = i < 3 ? 1 / kDegree : 1e3;
-    ordered_json& item = json[kCoordinateNames[i]];
-    item["kind"] = isFree(scene, i) ? "free" : "prescribed";
-    item["unit"] = i < 3 ? "deg" : "mm";
+    const double scale = coordinate.isAngle ? 1 / kDegree : 1e3;
+    ordered_json& item = json[coordinate.name];
+    item["kind"] = coordinate.isFree ? "free" : "prescribed";
+    item["unit"] = coordinate.unit();
     item["min"] = low * scale;
     item["max"] = high * scale;
     item["start"] = trajectory.frames.front().q[i] * scale;
     item["end"] = trajectory.frames.back().q[i] * scale;
     const int index = static_cast<int>(i);
-    if (info.reference && info.reference->coordinate.count(index) > 0 && isFree(scene, i)) {
-      item["reference"] = compare(trajectory, *info.reference, index);
+    if (info.reference && info.reference->coordinate.count(index) > 0 && coordinate.isFree) {
+      item["reference"] = compare(trajectory, *info.reference, index, coordinate.isAngle);
     }
   }
   return json;
@@ -455,6 +489,7 @@ size_t findMaximumLoad(const Scene& scene, const Trajectory& trajectory) {
   bool varies = false;
   for (const auto& load : scene.loads)
     varies = varies || std::any_of(load.force_N.begin(), load.force_N.end(), isTable);
+  if (scene.contacts.empty() && !varies) return trajectory.frames.size() - 1;
   size_t best = 0;
   double largest = -1;
   for (size_t i = 0; i < trajectory.frames.size(); ++i) {
@@ -473,7 +508,7 @@ size_t findMaximumLoad(const Scene& scene, const Trajectory& trajectory) {
   return best;
 }
 
-ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s) {
+ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s, const std::vector<scene::CoordinateInfo>& coordinates) {
   const io::Table table = io::readTable(file);
   ReferenceMotion reference;
   reference.source = file.filename().string();
@@ -492,19 +527,22 @@ ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s) {
   }
   for (int column = 0; column < table.numColumns(); ++column) {
     const std::string& name = table.columns[static_cast<size_t>(column)];
-    std::string coordinate = name.substr(0, name.find('_'));
-    if (coordinate == "tx" || coordinate == "ty" || coordinate == "tz") coordinate.erase(0, 1);  // OpenSim's habit
+    // OpenSim's tx is x.
+    const bool shifted = name.size() > 1 && name[0] == 't' && name[1] >= 'x' && name[1] <= 'z';
+    const std::string plain = shifted ? name.substr(1) : name;
     const size_t last = name.rfind('_');
-    std::string unit = last == std::string::npos ? "" : name.substr(last + 1);
-    for (int i = 0; i < 6; ++i) {
-      if (coordinate != kCoordinateNames[static_cast<size_t>(i)] || reference.coordinate.count(i) > 0) continue;
-      if (unit.empty()) unit = i >= 3 ? "m" : table.inDegrees ? "deg" : "rad";
-      const bool fits = i < 3 ? unit == "deg" || unit == "rad" : unit == "mm" || unit == "m";
+    for (size_t i = 0; i < coordinates.size(); ++i) {
+      const scene::CoordinateInfo& coordinate = coordinates[i];
+      const bool named = plain == coordinate.name || plain.rfind(coordinate.name + "_", 0) == 0;
+      if (!named || reference.coordinate.count(static_cast<int>(i)) > 0) continue;
+      std::string unit = plain.size() == coordinate.name.size() ? "" : name.substr(last + 1);
+      if (unit.empty()) unit = !coordinate.isAngle ? "m" : table.inDegrees ? "deg" : "rad";
+      const bool fits = coordinate.isAngle ? unit == "deg" || unit == "rad" : unit == "mm" || unit == "m";
       if (!fits) continue;
       std::vector<double> values = table.data[static_cast<size_t>(column)];
       const double scale = unit == "deg" ? kDegree : unit == "mm" ? 1e-3 : 1;
       for (double& value : values) value *= scale;
-      reference.coordinate[i] = std::move(values);
+      reference.coordinate[static_cast<int>(i)] = std::move(values);
     }
   }
   if (reference.coordinate.empty()) {
@@ -515,6 +553,15 @@ ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s) {
   return reference;
 }
 
+namespace {
+
+double calcAskedDuration_s(const Scene& scene, const RunInfo& info) {
+  if (info.analysis == "series") return scene.series ? scene.series->duration_s : 0.0;
+  return scene.gait ? scene.gait->duration_s : 0.0;
+}
+
+}  // namespace
+
 RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunInfo& info,
                    const scene::Progress& progress) {
   if (trajectory.frames.empty()) throw ComputationError("no result to write: " + trajectory.statusText);
@@ -524,11 +571,13 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   // A run that was cut short still refers to the cycle it was meant to cover.
   const double covered = trajectory.frames.back().time_s - trajectory.frames.front().time_s;
   const double duration_s =
-      std::max({scene.gait && overTime && !trajectory.complete ? scene.gait->duration_s : 0.0, covered, 1e-12});
+      std::max({overTime && !trajectory.complete ? calcAskedDuration_s(scene, info) : 0.0, covered, 1e-12});
 
   OutputFolder out(info.folder);
   writeMotion(out, scene, trajectory);
-  writeContact(out, scene, trajectory);
+  if (!scene.contacts.empty()) writeContact(out, scene, trajectory);
+  if (!trajectory.elementColumns.empty()) writeElements(out, scene, trajectory);
+  if (!info.paths.empty()) writeVtp(out.file("paths.vtp"), makePathMesh(info.paths));
   std::vector<std::string> scripts;
   bool mapsComplete = true;
   if (info.maps || info.plots) {
@@ -540,10 +589,12 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   DrawResult drawn;
   if (info.plots) {
     if (overTime) {
-      for (const auto& script : {writeMotionPlot(out, scene, trajectory, info), writeForcePlot(out, scene, trajectory),
-                                 writePressurePlot(out, scene, trajectory)}) {
-        if (!script.empty()) scripts.push_back(script);
+      for (const auto& script : writeMotionPlots(out, scene, trajectory, info)) scripts.push_back(script);
+      if (!scene.contacts.empty()) {
+        scripts.push_back(writeForcePlot(out, scene, trajectory));
+        scripts.push_back(writePressurePlot(out, scene, trajectory));
       }
+      for (const auto& script : writeElementPlots(out, trajectory)) scripts.push_back(script);
     }
     drawn = runGnuplot(out.staging() / "plots", scripts);
     if (!drawn.problem.empty()) output.notes.push_back("plots: " + drawn.problem);
@@ -599,11 +650,11 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   json["steps"] = makeStatistics(trajectory.statistics);
   json["frames"] = trajectory.frames.size();
   if (overTime) {
-    json["at_maximum_load"] = makeInstant(scene, frame);
+    json["at_maximum_load"] = makeInstant(scene, trajectory, frame);
     json["peaks"] = makePeaks(scene, trajectory);
     if (!frame.errors.empty()) json["largest_error_estimates"] = makeLargestErrors(scene, trajectory);
   } else {
-    json["at_static_pose"] = makeInstant(scene, frame);
+    json["at_static_pose"] = makeInstant(scene, trajectory, frame);
   }
   json["motion"] = makeMotionSummary(scene, trajectory, info);
   if (!info.details.is_null()) json["details"] = info.details;
@@ -616,6 +667,19 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   output.table = overTime ? fmt::format("At maximum load, t = {:.4g} s:\n", frame.time_s) : "At the static pose:\n";
   output.table += formatTable(scene, frame.contacts, frame.errors);
   return output;
+}
+
+std::vector<scene::Coordinates> StoredRun::calcCoordinates(const std::vector<scene::CoordinateInfo>& wanted) const {
+  std::vector<scene::Coordinates> result(q.size(), scene::Coordinates(wanted.size()));
+  for (size_t i = 0; i < wanted.size(); ++i) {
+    const auto found = std::find(coordinates.begin(), coordinates.end(), wanted[i].name);
+    if (found == coordinates.end()) {
+      throw InputError(sceneFile.string() + ": the stored motion has no coordinate \"" + wanted[i].name + "\"");
+    }
+    const double scale = wanted[i].isAngle && inDegrees ? kDegree : 1;
+    for (size_t row = 0; row < q.size(); ++row) result[row][i] = q[row][static_cast<size_t>(found - coordinates.begin())] * scale;
+  }
+  return result;
 }
 
 StoredRun readStoredRun(const fs::path& folder) {
@@ -647,12 +711,15 @@ StoredRun readStoredRun(const fs::path& folder) {
   const io::Table table = io::readTable(motion);
   const std::string where = motion.string();
   run.time_s = table.data[static_cast<size_t>(table.getColumn("time", where))];
+  // Every coordinate has a column and one for its rate.
   run.q.resize(run.time_s.size());
-  for (size_t i = 0; i < 6; ++i) {
-    const auto& values = table.data[static_cast<size_t>(table.getColumn(kCoordinateNames[i], where))];
-    const double scale = i < 3 && table.inDegrees ? kDegree : 1;
-    for (size_t row = 0; row < values.size(); ++row) run.q[row][i] = values[row] * scale;
+  for (const std::string& name : table.columns) {
+    if (table.findColumn(name + "_rate") < 0) continue;
+    run.coordinates.push_back(name);
+    const auto& values = table.data[static_cast<size_t>(table.getColumn(name, where))];
+    for (size_t row = 0; row < values.size(); ++row) run.q[row].push_back(values[row]);
   }
+  run.inDegrees = table.inDegrees;
   return run;
 }
 

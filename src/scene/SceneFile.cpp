@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <tuple>
 
-#include "YamlReader.h"
+#include "genu/scene/SceneNode.h"
 #include "genu/contact/AnalyticSurface.h"
 #include "genu/io/Files.h"
 #include "genu/io/NurbsFile.h"
@@ -47,7 +47,7 @@ Dimension dimensionOf(int coordinate) { return coordinate < 3 ? Dimension::angle
 bool isHeightField(const std::string& kind) { return kind == "plane" || kind == "dish" || kind == "paraboloid"; }
 
 /** Names become file columns and JSON keys. */
-void checkName(const YamlNode& node, const std::string& name) {
+void checkName(const SceneNode& node, const std::string& name) {
   const bool fine = std::all_of(name.begin(), name.end(),
                                 [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-'; });
   if (!fine || name.size() > 60) {
@@ -56,7 +56,7 @@ void checkName(const YamlNode& node, const std::string& name) {
   }
 }
 
-std::pair<int, int> parseGridNode(const YamlNode& node) {
+std::pair<int, int> parseGridNode(const SceneNode& node) {
   if (node.isSequence()) {
     const auto counts = node.getList(2, "[nx, nz]");
     return {counts[0].getInteger(1, kMaxGridCells), counts[1].getInteger(1, kMaxGridCells)};
@@ -64,7 +64,7 @@ std::pair<int, int> parseGridNode(const YamlNode& node) {
   return parseGrid(node.getText("a grid like 30x30"), node.where());
 }
 
-contact::JointCoordinates parsePoseNode(const YamlNode& node) {
+contact::JointCoordinates parsePoseNode(const SceneNode& node) {
   const auto values = node.getList(6, kPoseText);
   contact::JointCoordinates q{};
   for (int i = 0; i < 6; ++i) q[static_cast<size_t>(i)] = values[static_cast<size_t>(i)].getQuantity(dimensionOf(i));
@@ -77,7 +77,7 @@ struct TimeSpan {
   std::string key = "analysis";  ///< the key to shorten, for messages
 };
 
-class SceneReader {
+class SceneReader : private ElementContext {
  public:
   SceneReader(const std::string& yaml, const fs::path& file, const ReadOptions& options)
       : yaml_(yaml), options_(options), folder_(file.parent_path()) {
@@ -86,18 +86,24 @@ class SceneReader {
   }
 
   Scene read() {
-    const YamlNode root = YamlNode::parse(yaml_, document_);
+    const SceneNode root = SceneNode::parse(yaml_, document_);
     if (!root.isMap()) root.fail("the scene must be a mapping of keys; its first line must be \"genu: 1\"");
     scene_.inputHashes[scene_.file.filename().string()] = io::calcSha256(yaml_);
     // The version first: a file of another version would only raise errors about keys.
     root.get("genu", "\"genu: 1\" (the version of the scene format)").getInteger(1, 1);
-    root.requireKeys({"genu", "name", "surfaces", "materials", "contact", "model", "loads", "analysis", "output"});
+    std::vector<std::string> allowed = {"genu",  "name",  "surfaces", "materials", "contact", "model",
+                                        "poses", "wraps", "loads",    "analysis",  "output"};
+    for (const std::string& keyword : listElementKeywords()) allowed.push_back(keyword);
+    root.requireKeys(allowed);
     const auto name = root.find("name");
     scene_.name = name ? name->getText("a text") : scene_.file.stem().string();
-    readMaterials(root.get("materials", "\"materials: {insert: {E: 463 MPa, nu: 0.46}}\""));
-    declareSurfaces(root.get("surfaces", "\"surfaces: {femur: {sphere: {R: 30 mm}}}\""));
-    readContacts(
-        root.get("contact", "\"contact: {knee: {fixed: ..., moving: ..., material: ..., compartments: ...}}\""));
+    // A model may do without contact; then surfaces and materials have no use either.
+    if (root.find("contact") || root.find("surfaces") || root.find("materials") || !root.find("model")) {
+      readMaterials(root.get("materials", "\"materials: {insert: {E: 463 MPa, nu: 0.46}}\""));
+      declareSurfaces(root.get("surfaces", "\"surfaces: {femur: {sphere: {R: 30 mm}}}\""));
+      readContacts(
+          root.get("contact", "\"contact: {knee: {fixed: ..., moving: ..., material: ..., compartments: ...}}\""));
+    }
     if (const auto node = root.find("analysis")) readAnalysis(*node);
     if (const auto node = root.find("model")) {
       readModel(*node);
@@ -106,7 +112,12 @@ class SceneReader {
                        ": model: this key is missing; static and gait analyses need a model with urdf, "
                        "joint and coordinates (genu contact needs none)");
     }
+    if (const auto node = root.find("poses")) readPoses(*node);
+    if (const auto node = root.find("wraps")) readWraps(*node);
     if (const auto node = root.find("loads")) readLoads(*node);
+    for (const auto& [key, node] : root.items()) {
+      if (const ElementReader* reader = findElementReader(key)) readElements(key, node, *reader);
+    }
     if (const auto node = root.find("output")) readOutput(*node);
     buildSurfaces();
     listUnused();
@@ -116,7 +127,7 @@ class SceneReader {
 
  private:
   struct SurfaceDefinition {
-    YamlNode node;
+    SceneNode node;
     std::string kind;
     size_t summary;  ///< index in scene_.surfaces
     bool used = false;
@@ -129,7 +140,7 @@ class SceneReader {
   };
   struct CompartmentPlace {
     size_t contact, compartment;
-    YamlNode node;  ///< of the rectangle
+    SceneNode node;  ///< of the rectangle
     bool automatic;
     std::string fixedName, movingName;
     bool gridOnMoving;
@@ -139,7 +150,7 @@ class SceneReader {
   // -- files ------------------------------------------------------------------------------------------------------
 
   /** Absolute path of a file the scene names; adds its hash. */
-  fs::path resolveFile(const YamlNode& node, std::string* written = nullptr) {
+  fs::path resolveFile(const SceneNode& node, std::string* written = nullptr) {
     const std::string text = node.getText("a file name");
     std::string rest;
     fs::path resolved;
@@ -178,7 +189,7 @@ class SceneReader {
 
   // -- materials --------------------------------------------------------------------------------------------------
 
-  void readMaterials(const YamlNode& node) {
+  void readMaterials(const SceneNode& node) {
     for (const auto& [name, definition] : node.items()) {
       checkName(definition, name);
       materials_.emplace(name, readMaterial(definition));
@@ -187,7 +198,7 @@ class SceneReader {
     if (materials_.empty()) node.fail("no material is defined; at least one is needed");
   }
 
-  contact::Material readMaterial(const YamlNode& node) {
+  contact::Material readMaterial(const SceneNode& node) {
     contact::Material material;
     const auto law = node.find("law");
     const size_t choice = law ? law->getChoice({"linear", "power-law", "power-law-consistent"}) : 0;
@@ -204,11 +215,11 @@ class SceneReader {
       node.requireKeys({"law", "eps0", "p0", "n", "nu"});
       material.eps0 = node.get("eps0", "\"eps0: 0.0597\"").getPositive(Dimension::dimensionless);
       material.p0_Pa = node.get("p0", "\"p0: 18.4 MPa\"").getPositive(Dimension::pressure);
-      const YamlNode n = node.get("n", "\"n: 3\"");
+      const SceneNode n = node.get("n", "\"n: 3\"");
       material.n = n.getQuantity(Dimension::dimensionless);
       if (!(material.n >= 1)) n.fail("is " + io::formatNumber(material.n) + "; allowed: n >= 1");
     }
-    const YamlNode nu = node.get("nu", "\"nu: 0.46\"");
+    const SceneNode nu = node.get("nu", "\"nu: 0.46\"");
     material.nu = nu.getQuantity(Dimension::dimensionless);
     if (!(material.nu >= 0 && material.nu < 0.5)) {
       nu.fail("is " + io::formatNumber(material.nu) +
@@ -218,7 +229,7 @@ class SceneReader {
     return material;
   }
 
-  contact::Material getMaterial(const YamlNode& node) {
+  contact::Material getMaterial(const SceneNode& node) {
     const std::string name = node.getText("the name of a material");
     const auto found = materials_.find(name);
     if (found == materials_.end()) node.fail(io::describeUnknown("material", name, materialNames_));
@@ -228,7 +239,7 @@ class SceneReader {
 
   // -- surfaces ---------------------------------------------------------------------------------------------------
 
-  void declareSurfaces(const YamlNode& node) {
+  void declareSurfaces(const SceneNode& node) {
     for (const auto& [name, definition] : node.items()) {
       checkName(definition, name);
       std::string kind;
@@ -258,7 +269,7 @@ class SceneReader {
 
   /** Engine errors ("dish: Rf = -1 is not allowed ...") with the key's place. */
   template <class Function>
-  static auto callEngine(const YamlNode& node, Function function) -> decltype(function()) {
+  static auto callEngine(const SceneNode& node, Function function) -> decltype(function()) {
     try {
       return function();
     } catch (const std::invalid_argument& error) {
@@ -266,9 +277,9 @@ class SceneReader {
     }
   }
 
-  std::vector<contact::NurbsPatch> makeAnalytic(const YamlNode& definition, const std::string& kind, Role role,
+  std::vector<contact::NurbsPatch> makeAnalytic(const SceneNode& definition, const std::string& kind, Role role,
                                                 double halfExtent_m) {
-    const YamlNode node = definition.get(kind, kind);
+    const SceneNode node = definition.get(kind, kind);
     const contact::Solid side = role == Role::fixed ? contact::Solid::below : contact::Solid::above;
     const auto height = [&node] {
       const auto y0 = node.find("y0");
@@ -282,7 +293,7 @@ class SceneReader {
       return node.get(key, "\"" + std::string(key) + ": 30 mm\"").getPositive(Dimension::length);
     };
     const auto radiusOrInfinity = [&node](const char* key, bool signAllowed) {
-      const YamlNode value = node.get(key, "\"" + std::string(key) + ": 30 mm\" (or inf)");
+      const SceneNode value = node.get(key, "\"" + std::string(key) + ": 30 mm\" (or inf)");
       const double radius = value.getQuantityOrInfinity(Dimension::length);
       if (radius == 0)
         value.fail("is 0; allowed: " + std::string(signAllowed ? "not 0, either sign" : "> 0") + ", or inf");
@@ -323,8 +334,8 @@ class SceneReader {
     });
   }
 
-  std::vector<contact::NurbsPatch> readNurbs(const YamlNode& definition, const std::string& name) {
-    const YamlNode node = definition.get("nurbs", "\"nurbs: femur.json\"");
+  std::vector<contact::NurbsPatch> readNurbs(const SceneNode& definition, const std::string& name) {
+    const SceneNode node = definition.get("nurbs", "\"nurbs: femur.json\"");
     const fs::path file = resolveFile(node);
     scene_.surfaces[surfaces_.at(name).summary].file = file;
     std::vector<io::NamedPatch> named;
@@ -338,7 +349,7 @@ class SceneReader {
       for (const auto& patch : named) known.push_back(patch.name);
       std::vector<io::NamedPatch> chosen;
       std::set<std::string> seen;
-      for (const YamlNode& element : wanted->getList("a list of patch names")) {
+      for (const SceneNode& element : wanted->getList("a list of patch names")) {
         const std::string patchName = element.getText("the name of a patch");
         const auto found = std::find(known.begin(), known.end(), patchName);
         if (found == known.end())
@@ -512,7 +523,7 @@ class SceneReader {
     }
   }
 
-  std::string getSurfaceName(const YamlNode& node) {
+  std::string getSurfaceName(const SceneNode& node) {
     const std::string name = node.getText("the name of a surface");
     const auto found = surfaces_.find(name);
     if (found == surfaces_.end()) node.fail(io::describeUnknown("surface", name, surfaceNames_));
@@ -526,7 +537,7 @@ class SceneReader {
     std::string name;
     size_t contact;
     Role role;
-    YamlNode place;
+    SceneNode place;
   };
   struct Side {
     std::string surface;  ///< empty: every compartment names its own
@@ -534,7 +545,7 @@ class SceneReader {
     contact::Thickness thickness;
   };
 
-  void readContacts(const YamlNode& node) {
+  void readContacts(const SceneNode& node) {
     const auto pairs = node.items();
     if (pairs.empty()) node.fail("no contact pair is defined; at least one is needed");
     // Sized first: uses_ keeps addresses inside.
@@ -546,13 +557,13 @@ class SceneReader {
     }
   }
 
-  void readContact(const YamlNode& node, size_t index) {
+  void readContact(const SceneNode& node, size_t index) {
     node.requireKeys({"fixed", "moving", "material", "strain", "distance", "correction", "damping", "rule", "tracking", "copy_tolerance",
                       "element_plane", "grid_on", "compartments"});
     ContactSpec& spec = scene_.contacts[index];
     contact::ContactPairDefinition& definition = spec.definition;
-    const YamlNode fixedNode = node.get("fixed", "\"fixed: {surface: insert, thickness: 6 mm}\"");
-    const YamlNode movingNode = node.get("moving", "\"moving: {surface: femur}\"");
+    const SceneNode fixedNode = node.get("fixed", "\"fixed: {surface: insert, thickness: 6 mm}\"");
+    const SceneNode movingNode = node.get("moving", "\"moving: {surface: femur}\"");
     const Side fixed = readSide(fixedNode, index, Role::fixed), moving = readSide(movingNode, index, Role::moving);
     spec.fixedBody = fixed.body;
     spec.movingBody = moving.body;
@@ -564,11 +575,11 @@ class SceneReader {
       node.fail("neither body has an elastic layer; give fixed or moving a thickness, for example \"thickness: 6 mm\"");
     }
 
-    const YamlNode material = node.get("material", "\"material: insert\"");
+    const SceneNode material = node.get("material", "\"material: insert\"");
     if (material.isMap()) {
       material.requireKeys({"fixed", "moving"});
       const auto materialFixed = material.find("fixed"), materialMoving = material.find("moving");
-      const auto read = [&](bool layer, const std::optional<YamlNode>& side,
+      const auto read = [&](bool layer, const std::optional<SceneNode>& side,
                             const char* name) -> std::optional<contact::Material> {
         if (layer && !side) material.fail(std::string(name) + " has an elastic layer and no material here");
         if (!side) return std::nullopt;
@@ -605,7 +616,7 @@ class SceneReader {
       definition.tracking = all[tracking->getChoice({"all", "lipschitz", "breadth-first", "breadth-first-unguarded"})];
     }
     if (definition.correction == contact::Correction::energy) {
-      const YamlNode correction = node.get("correction", "");
+      const SceneNode correction = node.get("correction", "");
       if (definition.rule == contact::ContactRule::centre) {
         correction.fail("is energy, the gradient of the smooth rule's energy; with rule: centre it is midsurface or none");
       }
@@ -622,7 +633,7 @@ class SceneReader {
     }
     if (const auto plane = node.find("element_plane")) definition.planeY_m = plane->getQuantity(Dimension::length);
 
-    const YamlNode compartments = node.get("compartments", "\"compartments: {all: {rectangle: auto, grid: 30x30}}\"");
+    const SceneNode compartments = node.get("compartments", "\"compartments: {all: {rectangle: auto, grid: 30x30}}\"");
     const auto items = compartments.items();
     if (items.empty()) compartments.fail("no compartment is defined; at least one is needed");
     definition.compartments.resize(items.size());
@@ -634,7 +645,7 @@ class SceneReader {
     }
   }
 
-  Side readSide(const YamlNode& node, size_t contact, Role role) {
+  Side readSide(const SceneNode& node, size_t contact, Role role) {
     node.requireKeys({"surface", "body", "thickness"});
     Side side;
     if (const auto surface = node.find("surface")) side.surface = getSurfaceName(*surface);
@@ -643,7 +654,7 @@ class SceneReader {
     return side;
   }
 
-  contact::Thickness readThickness(const YamlNode& node, size_t contact, Role role) {
+  contact::Thickness readThickness(const SceneNode& node, size_t contact, Role role) {
     contact::Thickness thickness;
     if (!node.isMap()) {
       if (node.getText("none, a length (\"6 mm\"), {height_above: 0 mm}, {back: surface} or {radial: {radius: 27 mm}}") == "none")
@@ -652,7 +663,7 @@ class SceneReader {
       return thickness;
     }
     const std::vector<std::string> sources = {"constant", "height_above", "back", "radial"};
-    std::optional<YamlNode> source;
+    std::optional<SceneNode> source;
     std::string kind;
     for (const auto& [key, value] : node.items()) {
       if (std::find(sources.begin(), sources.end(), key) == sources.end()) continue;
@@ -703,13 +714,13 @@ class SceneReader {
     return thickness;
   }
 
-  contact::Vec3 readPoint(const YamlNode& node) {
+  contact::Vec3 readPoint(const SceneNode& node) override {
     const auto values = node.getList(3, "\"x, y, z\" with units");
     return {values[0].getQuantity(Dimension::length), values[1].getQuantity(Dimension::length), values[2].getQuantity(Dimension::length)};
   }
 
   /** "z", "-y" or three numbers. */
-  contact::Vec3 readDirection(const YamlNode& node) {
+  contact::Vec3 readDirection(const SceneNode& node) {
     if (node.isScalar()) {
       const std::string text = node.getText("a direction: x, y, z, -x, -y, -z, or three numbers");
       const std::string axis = text.size() == 2 && text[0] == '-' ? text.substr(1) : text;
@@ -728,7 +739,7 @@ class SceneReader {
   }
 
   /** "low, high", or auto (NaN). Returns whether it was given. */
-  bool readRange(const YamlNode& node, const char* key, Dimension dimension, const char* example, double& low, double& high) {
+  bool readRange(const SceneNode& node, const char* key, Dimension dimension, const char* example, double& low, double& high) {
     low = high = std::numeric_limits<double>::quiet_NaN();
     const auto range = node.find(key);
     if (!range || (range->isScalar() && range->getText("a range") == "auto")) return false;
@@ -741,7 +752,7 @@ class SceneReader {
 
   /** Keys that cylinders and spheres share. Returns whether the angle was given. */
   template <class Round>
-  bool readRound(const YamlNode& node, contact::Vec3& center, const char* centerKey, Round& round) {
+  bool readRound(const SceneNode& node, contact::Vec3& center, const char* centerKey, Round& round) {
     if (const auto at = node.find(centerKey)) center = readPoint(*at);
     if (const auto axis = node.find("axis")) round.axis = readDirection(*axis);
     if (const auto zero = node.find("zero")) round.zero = readDirection(*zero);
@@ -759,7 +770,7 @@ class SceneReader {
   }
 
   /** Where a compartment's grid is laid out. Returns the node to blame and whether something is left to the surface. */
-  std::pair<YamlNode, bool> readElementSurface(const YamlNode& node, bool gridOnMoving, contact::CompartmentDefinition& definition) {
+  std::pair<SceneNode, bool> readElementSurface(const SceneNode& node, bool gridOnMoving, contact::CompartmentDefinition& definition) {
     const std::vector<std::string> kinds = {"rectangle", "cylinder", "sphere"};
     std::vector<std::string> given;
     for (const auto& [key, value] : node.items()) {
@@ -797,7 +808,7 @@ class SceneReader {
       plane.facing = facing->getChoice({"up", "down"}) == 0 ? contact::PlaneFacing::up : contact::PlaneFacing::down;
     }
     definition.elementSurface = plane;
-    const YamlNode rectangle = node.get("rectangle", "\"rectangle: -5 mm, 5 mm, -5 mm, 5 mm\" (x0, x1, z0, z1) or auto, or a "
+    const SceneNode rectangle = node.get("rectangle", "\"rectangle: -5 mm, 5 mm, -5 mm, 5 mm\" (x0, x1, z0, z1) or auto, or a "
                                                      "cylinder or sphere");
     const bool automatic = rectangle.isScalar() && rectangle.getText("a rectangle") == "auto";
     if (!automatic) {
@@ -818,7 +829,7 @@ class SceneReader {
     return {rectangle, automatic};
   }
 
-  void readCompartment(const YamlNode& node, size_t contact, size_t index, const Side& fixed, const Side& moving) {
+  void readCompartment(const SceneNode& node, size_t contact, size_t index, const Side& fixed, const Side& moving) {
     node.requireKeys({"rectangle", "facing", "cylinder", "sphere", "grid", "fixed", "moving"});
     contact::CompartmentDefinition& definition = scene_.contacts[contact].definition.compartments[index];
     const bool gridOnMoving = scene_.contacts[contact].definition.gridOn == contact::GridOn::moving;
@@ -842,11 +853,11 @@ class SceneReader {
 
   // -- functions of time ------------------------------------------------------------------------------------------
 
-  TimeFunction readTimeFunction(const YamlNode& node, Dimension dimension) {
+  TimeFunction readTimeFunction(const SceneNode& node, Dimension dimension) override {
     if (!node.isMap()) return node.getQuantity(dimension);
     node.requireKeys({"table", "column", "unit", "time", "scale", "offset"});
-    const YamlNode tableNode = node.get("table", "\"table: gait.csv\"");
-    const YamlNode columnNode = node.get("column", "\"column: rz\"");
+    const SceneNode tableNode = node.get("table", "\"table: gait.csv\"");
+    const SceneNode columnNode = node.get("column", "\"column: rz\"");
     std::string written;
     const fs::path file = resolveFile(tableNode, &written);
     const std::string column = columnNode.getText("the name of a column");
@@ -858,7 +869,7 @@ class SceneReader {
     if (timeNode && timeNode->isMap()) {
       timeNode->requireKeys({"column", "unit"});
       timeColumn = timeNode->get("column", "\"column: percent_cycle\"").getText("the name of a column");
-      const YamlNode unit = timeNode->get("unit", "\"unit: percent\" (of analysis.cycle) or \"unit: s\"");
+      const SceneNode unit = timeNode->get("unit", "\"unit: percent\" (of analysis.cycle) or \"unit: s\"");
       const std::string text = unit.getText("percent, s or ms");
       percent = text == "percent" || text == "%";
       timeUnit_s =
@@ -909,7 +920,7 @@ class SceneReader {
     return series;
   }
 
-  io::Table readCached(const fs::path& file, const std::vector<std::string>& columns, const YamlNode& node) {
+  io::Table readCached(const fs::path& file, const std::vector<std::string>& columns, const SceneNode& node) {
     const auto key = std::make_pair(file.string(), columns);
     const auto found = tables_.find(key);
     if (found != tables_.end()) return found->second;
@@ -922,7 +933,7 @@ class SceneReader {
     return tables_.emplace(key, table).first->second;
   }
 
-  void checkCoverage(const TimeSeries& series, bool percent, const YamlNode& node) const {
+  void checkCoverage(const TimeSeries& series, bool percent, const SceneNode& node) const {
     for (const TimeSpan& span : spans_) {
       const double slack_s = 1e-9 * std::max(std::abs(span.end_s), scene_.cycle_s);
       const auto show = [&](double time_s) {
@@ -943,28 +954,56 @@ class SceneReader {
 
   // -- model ------------------------------------------------------------------------------------------------------
 
-  void readModel(const YamlNode& node) {
-    node.requireKeys({"urdf", "joint", "gravity", "coordinates"});
+  void readModel(const SceneNode& node) {
+    node.requireKeys({"urdf", "joint", "gravity", "coordinates", "joints"});
     ModelSpec& model = scene_.model.emplace();
     model.urdf = resolveFile(node.get("urdf", "\"urdf: knee.urdf\""));
-    model.joint = node.get("joint", "\"joint: tibiofemoral\"").getText("the name of a joint of the URDF");
     const auto gravity = node.find("gravity");
     if (gravity && !(gravity->isScalar() && gravity->getText("gravity") == "none")) {
       readGravity(*gravity, model);
     }
-    const auto coordinates = node.find("coordinates");
-    if (!coordinates) return;
-    coordinates->requireKeys(kCoordinates);
-    for (size_t i = 0; i < kCoordinates.size(); ++i) {
-      if (const auto coordinate = coordinates->find(kCoordinates[i])) {
-        model.coordinates[i] = readCoordinate(*coordinate, static_cast<int>(i));
-      } else {
-        model.coordinates[i] = FreeCoordinate{};
+    if (const auto joints = node.find("joints")) {
+      for (const char* key : {"joint", "coordinates"}) {
+        if (const auto other = node.find(key)) other->fail("is for a model with one joint; \"joints\" (line " + std::to_string(joints->line()) + ") names all");
+      }
+      readJoints(*joints, model);
+    } else {
+      model.joint = node.get("joint", "\"joint: tibiofemoral\" (or \"joints\" for several)").getText("the name of a joint of the URDF");
+      model.coordinates.assign(6, FreeCoordinate{});
+      const auto coordinates = node.find("coordinates");
+      if (coordinates) {
+        coordinates->requireKeys(kCoordinates);
+        for (size_t i = 0; i < kCoordinates.size(); ++i) {
+          if (const auto c = coordinates->find(kCoordinates[i])) model.coordinates[i] = readCoordinate(*c, dimensionOf(static_cast<int>(i)));
+        }
       }
     }
+    for (const CoordinateInfo& info : listCoordinates(model)) coordinateNames_.push_back(info.name);
   }
 
-  void readGravity(const YamlNode& node, ModelSpec& model) const {
+  void readJoints(const SceneNode& node, ModelSpec& model) {
+    model.coordinates.clear();
+    for (const auto& [name, joint] : node.items()) {
+      checkName(joint, name);
+      const auto angle = joint.find("angle"), translation = joint.find("translation");
+      if (angle || translation) {
+        joint.requireKeys({angle ? "angle" : "translation"});
+        model.joints.push_back({name, angle ? JointSpec::Kind::rotation : JointSpec::Kind::translation});
+        model.coordinates.push_back(readCoordinate(angle ? *angle : *translation, angle ? Dimension::angle : Dimension::length));
+        continue;
+      }
+      joint.requireKeys(kCoordinates);
+      model.joints.push_back({name, JointSpec::Kind::floating});
+      for (size_t i = 0; i < kCoordinates.size(); ++i) {
+        // No default: a coordinate forgotten among many would be a free one.
+        model.coordinates.push_back(readCoordinate(joint.get(kCoordinates[i], "\"" + kCoordinates[i] + ": free\" or {prescribed: ...}; a revolute joint has \"angle\", a prismatic one \"translation\""),
+                                                   dimensionOf(static_cast<int>(i))));
+      }
+    }
+    if (model.joints.empty()) node.fail("names no joint; leave \"model\" out for a scene without motion");
+  }
+
+  void readGravity(const SceneNode& node, ModelSpec& model) const {
     // "0, -9.81, 0 m/s^2": one unit at the end serves all three; a unit on each is fine too.
     const auto values = node.getList(3, "none or \"0, -9.81, 0 m/s^2\"");
     const std::string last = values[2].getText("an acceleration");
@@ -978,8 +1017,8 @@ class SceneReader {
     }
   }
 
-  CoordinateSpec readCoordinate(const YamlNode& node, int coordinate) {
-    const Dimension dimension = dimensionOf(coordinate);
+  CoordinateSpec readCoordinate(const SceneNode& node, Dimension dimension) {
+    const bool isAngle = dimension == Dimension::angle;
     if (node.isScalar()) {
       const std::string text = node.getText("free, {free: ...} or {prescribed: ...}");
       if (text == "free") return FreeCoordinate{};
@@ -993,18 +1032,31 @@ class SceneReader {
     const auto freeNode = node.find("free"), prescribed = node.find("prescribed");
     if (freeNode.has_value() == prescribed.has_value()) node.fail("is to be either free or prescribed");
     if (prescribed) return PrescribedCoordinate{readTimeFunction(*prescribed, dimension)};
-    freeNode->requireKeys({"start", "damping"});
+    freeNode->requireKeys({"start", "damping", "limits"});
     FreeCoordinate free;
     if (const auto start = freeNode->find("start")) free.start = start->getQuantity(dimension);
     if (const auto damping = freeNode->find("damping")) {
-      free.damping = damping->getNonNegative(coordinate < 3 ? Dimension::angularDamping : Dimension::damping);
+      free.damping = damping->getNonNegative(isAngle ? Dimension::angularDamping : Dimension::damping);
+    }
+    if (const auto limits = freeNode->find("limits")) {
+      limits->requireKeys({"lower", "upper", "stiffness", "dissipation"});
+      CoordinateLimits& result = free.limits.emplace();
+      result.lower = limits->get("lower", isAngle ? "\"lower: -120 deg\"" : "\"lower: -10 mm\"").getQuantity(dimension);
+      const SceneNode upper = limits->get("upper", isAngle ? "\"upper: 5 deg\"" : "\"upper: 10 mm\"");
+      result.upper = upper.getQuantity(dimension);
+      if (!(result.lower < result.upper)) upper.fail("is not above lower");
+      result.stiffness = limits->get("stiffness", isAngle ? "\"stiffness: 10 N m/deg\"" : "\"stiffness: 100 N/mm\"")
+                             .getPositive(isAngle ? Dimension::angularStiffness : Dimension::stiffness);
+      if (const auto d = limits->find("dissipation")) {
+        result.dissipation = d->getNonNegative(isAngle ? Dimension::inverseAngularSpeed : Dimension::inverseSpeed);
+      }
     }
     return free;
   }
 
   // -- loads ------------------------------------------------------------------------------------------------------
 
-  void readLoads(const YamlNode& node) {
+  void readLoads(const SceneNode& node) {
     for (const auto& [name, load] : node.items()) {
       checkName(load, name);
       const bool generalized = load.find("coordinate").has_value();
@@ -1016,26 +1068,24 @@ class SceneReader {
     }
   }
 
-  void readGeneralizedLoad(const YamlNode& node, const std::string& name) {
+  void readGeneralizedLoad(const SceneNode& node, const std::string& name) {
     node.requireKeys({"coordinate", "value"});
     GeneralizedLoadSpec load;
     load.name = name;
-    const YamlNode coordinate = node.get("coordinate", "\"coordinate: rx\"");
-    load.coordinate = static_cast<int>(coordinate.getChoice(kCoordinates));
-    if (!scene_.model) coordinate.fail("a load on a coordinate needs a model");
-    if (std::holds_alternative<PrescribedCoordinate>(scene_.model->coordinates[static_cast<size_t>(load.coordinate)])) {
-      const std::string key = "model.coordinates." + kCoordinates[static_cast<size_t>(load.coordinate)];
-      coordinate.fail("\"" + kCoordinates[static_cast<size_t>(load.coordinate)] + "\" is prescribed (" + key +
-                      ", line " + std::to_string(document_.keyLines[key]) +
+    const SceneNode coordinate = node.get("coordinate", "\"coordinate: rx\"");
+    load.coordinate = readCoordinate(coordinate);
+    const CoordinateInfo info = listCoordinates(*scene_.model)[static_cast<size_t>(load.coordinate)];
+    if (!info.isFree) {
+      const std::string key = (scene_.model->joints.empty() ? "model.coordinates." : "model.joints.") + info.name;
+      coordinate.fail("\"" + info.name + "\" is prescribed (" + key + ", line " + std::to_string(document_.keyLines[key]) +
                       "): a load on it would have no effect; make the coordinate free or remove the load");
     }
-    load.value = readTimeFunction(node.get("value", "\"value: 2 N m\""),
-                                  load.coordinate < 3 ? Dimension::moment : Dimension::force);
+    load.value = readTimeFunction(node.get("value", "\"value: 2 N m\""), info.isAngle ? Dimension::moment : Dimension::force);
     scene_.generalizedLoads.push_back(std::move(load));
   }
 
-  void readForce(const YamlNode& node, const std::string& name) {
-    node.requireKeys({"coordinate", "value", "body", "frame", "force", "point"});
+  void readForce(const SceneNode& node, const std::string& name) {
+    node.requireKeys({"coordinate", "value", "body", "frame", "force", "moment", "point"});
     if (const auto value = node.find("value"))
       value->fail("belongs to a load on a coordinate; add \"coordinate: rx\", or use force");
     if (!scene_.model) node.fail("a load needs a model; add model: {urdf: ..., joint: ...}");
@@ -1044,23 +1094,181 @@ class SceneReader {
     load.body = node.get("body", "\"body: femur\" (the link the force acts on)").getText("the name of a link");
     load.frame =
         node.get("frame", "\"frame: tibia\" (the link whose axes the force is given in)").getText("the name of a link");
-    const auto components = node.get("force", "\"force: 0 N, -1000 N, 0 N\"")
-                                .getList(3, "three components \"fx, fy, fz\", each a force or a table,");
-    for (size_t i = 0; i < 3; ++i) load.force_N[i] = readTimeFunction(components[i], Dimension::force);
+    const auto moment = node.find("moment");
+    if (node.find("force") || !moment) {
+      const auto components = node.get("force", "\"force: 0 N, -1000 N, 0 N\" (or \"moment: 0 N m, 5 N m, 0 N m\")")
+                                  .getList(3, "three components \"fx, fy, fz\", each a force or a table,");
+      for (size_t i = 0; i < 3; ++i) load.force_N[i] = readTimeFunction(components[i], Dimension::force);
+    } else if (const auto point = node.find("point")) {
+      point->fail("a moment alone acts at no point; remove it, or add a force");
+    }
+    if (moment) {
+      const auto components = moment->getList(3, "three components \"mx, my, mz\", each a moment or a table,");
+      for (size_t i = 0; i < 3; ++i) load.moment_Nm[i] = readTimeFunction(components[i], Dimension::moment);
+    }
     load.pointBody = load.body;
     if (const auto point = node.find("point")) {
       point->requireKeys({"body", "at"});
       if (const auto body = point->find("body")) load.pointBody = body->getText("the name of a link");
-      const auto at = point->get("at", "\"at: 0 mm, 0 mm, 9.6 mm\"").getList(3, "three lengths \"x, y, z\"");
-      for (size_t i = 0; i < 3; ++i) load.point_m[i] = at[i].getQuantity(Dimension::length);
+      const auto at = point->get("at", "\"at: 0 mm, 0 mm, 9.6 mm\"").getList(3, "three lengths \"x, y, z\", each a length or a table,");
+      for (size_t i = 0; i < 3; ++i) load.point_m[i] = readTimeFunction(at[i], Dimension::length);
     }
     scene_.loads.push_back(std::move(load));
   }
 
+  // -- poses, wraps, force elements -------------------------------------------------------------------------------
+
+  void readPoses(const SceneNode& node) {
+    const ModelSpec& model = getModel(node);
+    std::vector<JointSpec> joints = model.joints;
+    if (joints.empty()) joints.push_back({model.joint, JointSpec::Kind::floating});
+    std::vector<std::string> names;
+    for (const JointSpec& joint : joints) names.push_back(joint.name);
+    for (const auto& [name, pose] : node.items()) {
+      checkName(pose, name);
+      std::vector<double>& q = scene_.poses[name];
+      pose.requireKeys(names);
+      for (const JointSpec& joint : joints) {
+        const bool floating = joint.kind == JointSpec::Kind::floating, rotation = joint.kind == JointSpec::Kind::rotation;
+        const SceneNode value = pose.get(joint.name, floating ? std::string("\"") + joint.name + ": " + kPoseText + "\"" : rotation ? "an angle" : "a length");
+        if (floating) {
+          const contact::JointCoordinates six = parsePoseNode(value);
+          q.insert(q.end(), six.begin(), six.end());
+        } else {
+          q.push_back(value.getQuantity(rotation ? Dimension::angle : Dimension::length));
+        }
+      }
+    }
+  }
+
+  void readWraps(const SceneNode& node) {
+    getModel(node);
+    for (const auto& [name, wrap] : node.items()) {
+      checkName(wrap, name);
+      wrap.requireKeys({"body", "pose", "cylinder", "sphere", "ellipsoid", "side"});
+      WrapDefinition result;
+      result.name = name;
+      result.body = wrap.get("body", "\"body: tibia\"").getText("the name of a link");
+      if (const auto pose = wrap.find("pose")) result.X_BodyW = contact::calcPose(parsePoseNode(*pose));
+      const auto cylinder = wrap.find("cylinder"), sphere = wrap.find("sphere"), ellipsoid = wrap.find("ellipsoid");
+      if (int(cylinder.has_value()) + int(sphere.has_value()) + int(ellipsoid.has_value()) != 1) {
+        wrap.fail("is one of cylinder: {R: ...}, sphere: {R: ...}, ellipsoid: {a: ..., b: ..., c: ...}");
+      }
+      std::optional<contact::Vec3> side;
+      if (const auto direction = wrap.find("side")) {
+        if (!cylinder) direction->fail("is for cylinders: a path can slip off a sphere or an ellipsoid to any side");
+        side = readDirection(*direction);
+      }
+      const auto length = [](const SceneNode& shape, const char* key) {
+        return shape.get(key, "\"" + std::string(key) + ": 20 mm\"").getPositive(Dimension::length);
+      };
+      const SceneNode& shape = cylinder ? *cylinder : sphere ? *sphere : *ellipsoid;
+      callEngine(shape, [&] {
+        if (ellipsoid) {
+          shape.requireKeys({"a", "b", "c"});
+          result.surface = musculoskeletal::WrapSurface::makeEllipsoid(length(shape, "a"), length(shape, "b"), length(shape, "c"));
+          return;
+        }
+        shape.requireKeys({"R"});
+        result.surface = cylinder ? musculoskeletal::WrapSurface::makeCylinder(length(shape, "R"), side)
+                                  : musculoskeletal::WrapSurface::makeSphere(length(shape, "R"));
+      });
+      wrapNames_.push_back(name);
+      scene_.wraps.push_back(std::move(result));
+    }
+  }
+
+  void readElements(const std::string& keyword, const SceneNode& node, const ElementReader& reader) {
+    getModel(node);
+    for (const auto& [name, value] : node.items()) {
+      checkName(value, name);
+      std::shared_ptr<ElementDefinition> element = reader(value, *this);
+      if (!element) value.fail("the reader of \"" + keyword + "\" made nothing of it");
+      element->keyword = keyword;
+      element->name = name;
+      scene_.elements.push_back(std::move(element));
+    }
+  }
+
+  const ModelSpec& getModel(const SceneNode& node) override {
+    if (!scene_.model) node.fail("needs a model; add model: {urdf: ..., joints: ...}");
+    return *scene_.model;
+  }
+
+  int readCoordinate(const SceneNode& node) override {
+    getModel(node);
+    return static_cast<int>(node.getChoice(coordinateNames_));
+  }
+
+  std::string readPoseName(const SceneNode& node) override {
+    const std::string name = node.getText("the name of a pose");
+    if (scene_.poses.count(name) == 0) {
+      std::vector<std::string> names;
+      for (const auto& pose : scene_.poses) names.push_back(pose.first);
+      node.fail(io::describeUnknown("pose", name, names) + (names.empty() ? "; define it: \"poses: {" + name + ": {JOINT: ...}}\"" : ""));
+    }
+    return name;
+  }
+
+  PathDefinition readPath(const SceneNode& node) override {
+    PathDefinition path;
+    int wrap = -1;
+    std::optional<SceneNode> wrapNode;
+    for (const SceneNode& item : node.getList("a list of points and wraps")) {
+      if (item.find("wrap")) {
+        item.requireKeys({"wrap"});
+        const SceneNode name = item.get("wrap", "");
+        if (path.points.empty()) name.fail("a path begins with a point");
+        if (wrap >= 0) name.fail("between two points there is one wrap at most; put a point between them");
+        const std::string text = name.getText("the name of a wrap");
+        const auto found = std::find(wrapNames_.begin(), wrapNames_.end(), text);
+        if (found == wrapNames_.end()) name.fail(io::describeUnknown("wrap", text, wrapNames_));
+        wrap = static_cast<int>(found - wrapNames_.begin());
+        usedWraps_.insert(text);
+        wrapNode = name;
+        continue;
+      }
+      if (!path.points.empty()) path.wraps.push_back(wrap);
+      wrap = -1;
+      path.points.push_back(readPathPoint(item));
+    }
+    if (wrap >= 0) wrapNode->fail("a path ends with a point");
+    if (path.points.size() < 2) node.fail("has " + std::to_string(path.points.size()) + " point; two at least are needed");
+    return path;
+  }
+
+  PathPoint readPathPoint(const SceneNode& node) {
+    node.requireKeys({"body", "at", "moving", "wrap"});
+    PathPoint point;
+    point.body = node.get("body", "\"body: femur\"").getText("the name of a link");
+    const auto moving = node.find("moving");
+    if (!moving) {
+      point.point_m = readPoint(node.get("at", "\"at: 0 mm, 10 mm, 0 mm\""));
+      return point;
+    }
+    if (const auto at = node.find("at")) at->fail("belongs to a point that does not move");
+    moving->requireKeys({"coordinate", "at"});
+    const SceneNode coordinate = moving->get("coordinate", "\"coordinate: tibiofemoral.rz\"");
+    point.coordinate = readCoordinate(coordinate);
+    const bool isAngle = listCoordinates(*scene_.model)[static_cast<size_t>(point.coordinate)].isAngle;
+    const SceneNode table = moving->get("at", "\"at: [[0 deg, 1 mm, 2 mm, 3 mm], [90 deg, ...]]\"");
+    for (const SceneNode& row : table.getList("a list of [coordinate, x, y, z]")) {
+      const auto values = row.getList(4, "[coordinate, x, y, z] with units");
+      const double q = values[0].getQuantity(isAngle ? Dimension::angle : Dimension::length);
+      if (!point.q.empty() && !(q > point.q.back())) values[0].fail("is not above the row before");
+      point.q.push_back(q);
+      contact::Vec3 p;
+      for (int k = 0; k < 3; ++k) p[k] = values[static_cast<size_t>(k) + 1].getQuantity(Dimension::length);
+      point.p_m.push_back(p);
+    }
+    if (point.q.size() < 2) table.fail("has one row; two at least are needed");
+    return point;
+  }
+
   // -- analysis and output ----------------------------------------------------------------------------------------
 
-  void readAnalysis(const YamlNode& node) {
-    node.requireKeys({"cycle", "static", "gait"});
+  void readAnalysis(const SceneNode& node) {
+    node.requireKeys({"cycle", "static", "gait", "series"});
     if (const auto cycle = node.find("cycle")) scene_.cycle_s = cycle->getPositive(Dimension::time);
     spans_.clear();
     if (const auto analysis = node.find("static")) {
@@ -1071,10 +1279,36 @@ class SceneReader {
       readGait(*analysis);
       spans_.push_back({0, scene_.gait->duration_s, analysis->childPath("duration")});
     }
+    if (const auto analysis = node.find("series")) {
+      readSeries(*analysis);
+      spans_.push_back({0, scene_.series->duration_s, analysis->childPath("duration")});
+    }
     if (spans_.empty()) spans_.push_back({});
   }
 
-  void readStatic(const YamlNode& node) {
+  void readSeries(const SceneNode& node) {
+    node.requireKeys({"duration", "output_interval"});
+    SeriesSpec& spec = scene_.series.emplace();
+    spec.duration_s = scene_.cycle_s;
+    if (const auto v = node.find("duration")) spec.duration_s = v->getPositive(Dimension::time);
+    spec.outputInterval_s = std::min(scene_.cycle_s / 100, spec.duration_s);
+    readOutputInterval(node, spec.duration_s, spec.outputInterval_s);
+  }
+
+  void readOutputInterval(const SceneNode& node, double duration_s, double& interval_s) {
+    if (const auto v = node.find("output_interval")) {
+      interval_s = v->getPositive(Dimension::time);
+      if (interval_s > duration_s) {
+        v->fail("is " + io::formatQuantity(interval_s, "s") + ", longer than the run (" + io::formatQuantity(duration_s, "s") + ")");
+      }
+    }
+    if (duration_s / interval_s > kMaxOutputs) {
+      node.fail("duration / output_interval = " + io::formatNumber(std::round(duration_s / interval_s)) +
+                " output times; allowed: at most " + io::formatNumber(kMaxOutputs));
+    }
+  }
+
+  void readStatic(const SceneNode& node) {
     node.requireKeys({"method", "max_acceleration", "max_residual", "damping", "max_time", "time"});
     StaticSpec& spec = scene_.staticAnalysis.emplace();
     if (const auto method = node.find("method")) {
@@ -1090,24 +1324,13 @@ class SceneReader {
     if (const auto v = node.find("time")) spec.time_s = v->getNonNegative(Dimension::time);
   }
 
-  void readGait(const YamlNode& node) {
+  void readGait(const SceneNode& node) {
     node.requireKeys({"duration", "output_interval", "accuracy", "integrator", "settle_first"});
     GaitSpec& spec = scene_.gait.emplace();
     spec.duration_s = scene_.cycle_s;
     if (const auto v = node.find("duration")) spec.duration_s = v->getPositive(Dimension::time);
     spec.outputInterval_s = std::min(scene_.cycle_s / 100, spec.duration_s);
-    if (const auto v = node.find("output_interval")) {
-      spec.outputInterval_s = v->getPositive(Dimension::time);
-      if (spec.outputInterval_s > spec.duration_s) {
-        v->fail("is " + io::formatQuantity(spec.outputInterval_s, "s") + ", longer than the run (" +
-                io::formatQuantity(spec.duration_s, "s") + ")");
-      }
-    }
-    if (spec.duration_s / spec.outputInterval_s > kMaxOutputs) {
-      node.fail(
-          "duration / output_interval = " + io::formatNumber(std::round(spec.duration_s / spec.outputInterval_s)) +
-          " output times; allowed: at most " + io::formatNumber(kMaxOutputs));
-    }
+    readOutputInterval(node, spec.duration_s, spec.outputInterval_s);
     if (const auto v = node.find("accuracy")) {
       spec.accuracy = v->getQuantity(Dimension::dimensionless);
       if (!(spec.accuracy >= 1e-12 && spec.accuracy <= 0.1)) {
@@ -1121,7 +1344,7 @@ class SceneReader {
     if (const auto v = node.find("settle_first")) spec.settleFirst = v->getBool();
   }
 
-  void readOutput(const YamlNode& node) {
+  void readOutput(const SceneNode& node) {
     node.requireKeys({"maps", "plots"});
     if (const auto v = node.find("maps")) scene_.output.maps = v->getBool();
     if (const auto v = node.find("plots")) scene_.output.plots = v->getBool();
@@ -1134,16 +1357,19 @@ class SceneReader {
     for (const std::string& name : materialNames_) {
       if (usedMaterials_.count(name) == 0) scene_.unused.push_back("materials." + name);
     }
+    for (const std::string& name : wrapNames_) {
+      if (usedWraps_.count(name) == 0) scene_.unused.push_back("wraps." + name);
+    }
   }
 
   const std::string& yaml_;
   const ReadOptions& options_;
   fs::path folder_;
   Scene scene_;
-  YamlDocument document_;
+  SceneDocument document_;
   std::map<std::string, contact::Material> materials_;
-  std::vector<std::string> materialNames_, surfaceNames_;
-  std::set<std::string> usedMaterials_;
+  std::vector<std::string> materialNames_, surfaceNames_, coordinateNames_, wrapNames_;
+  std::set<std::string> usedMaterials_, usedWraps_;
   std::map<std::string, SurfaceDefinition> surfaces_;
   std::map<std::pair<std::string, Role>, SurfacePtr> built_;
   std::vector<SurfaceUse> uses_;

@@ -23,6 +23,12 @@ namespace genu::io {
    damping        N s/m         N s/m, N s/mm, kg/s
    angularDamping N m s/rad     N m s/rad, N m s/deg, N m s
    inverseSpeed   s/m           s/m, s/mm
+   inverseAngularSpeed  s/rad   s/rad, s/deg
+   stiffness      N/m           N/mm, N/m, kN/m
+   angularStiffness  N m/rad    N m/rad, N m/deg
+   inverseLength  1/m           1/mm, 1/m
+   inverseAngle   1/rad         1/deg, 1/rad
+   frequency      1/s           1/s
 
  A unit is any product of m, g, t, s, min, N, Pa, J, rad, deg, % (the usual prefixes u, m, c, k, M, G where they make
  sense) with integer powers: "N s/mm", "N*m", "kg m^2/s^2". What counts is its dimension. */
@@ -39,7 +45,13 @@ enum class Dimension {
   acceleration,
   damping,
   angularDamping,
-  inverseSpeed
+  inverseSpeed,
+  inverseAngularSpeed,
+  stiffness,
+  angularStiffness,
+  inverseLength,
+  inverseAngle,
+  frequency
 };
 
 /** "length", "force", ... */

@@ -28,12 +28,15 @@ struct StaticResult {
   std::string statusText;  ///< how it ended, and what to try if it did not converge
   std::string method;      ///< "newton", "newton after implicit Euler", "implicit Euler"
   double time_s = 0;       ///< the time tables were read at
-  contact::JointCoordinates q{};
+  scene::Coordinates q;
   double residual_N = 0;                         ///< largest remaining residual
   double maxAcceleration = 0;                    ///< largest acceleration of the released body at rest [m/s^2, rad/s^2]
   int iterations = 0;                            ///< Newton iterations, or steps of implicit Euler
   std::vector<contact::ContactResult> contacts;  ///< with energy, one per contact pair
-  std::array<double, 6> constraintForce{};       ///< generalized force that holds each prescribed coordinate
+  std::vector<double> constraintForce;           ///< generalized force that holds each prescribed coordinate
+  std::vector<scene::ElementColumn> elementColumns;
+  std::vector<double> elements;                  ///< outputs of the force elements
+  std::vector<scene::ElementPath> paths;         ///< of the force elements
   long contactEvaluations = 0, distanceQueries = 0;
   double wallTime_s = 0, cpuTime_s = 0;
   /** Method `both`: largest difference of the two poses, angles times kAngleLength_m [m]. */
@@ -42,9 +45,10 @@ struct StaticResult {
 
 /** Static analysis [BF2004 §3.1], from the scene's `static` section (its defaults where there is none).
 
- Start: free coordinates at their `start`, otherwise 0; y without a start is found by lowering the moving body from
- above until it touches (each move is the smallest element distance, so it cannot overshoot). The same is done when a
- given start penetrates fully, and in `newton` when it is separated and y is free.
+ Start: free coordinates at their `start`, otherwise 0; y without a start of a floating joint, across which a contact pair lies (fixed side
+ towards the root), is found by lowering the child from above until it touches (each move is the smallest element distance, so it
+ cannot overshoot). In a model with one joint and no force elements the same is done when a given start penetrates fully, and in `newton`
+ when it is separated and y is free. States of muscles are at their equilibrium, activations equal to excitations.
  - newton: pseudo-transient continuation, (I/delta + K) dz = r with the stiffness K by finite differences and delta
    grown as the residual falls, which ends as Newton's method; where it fails, implicit Euler takes over and Newton
    finishes (`method` says so).
@@ -54,7 +58,7 @@ struct StaticResult {
  - both: newton, then implicitEuler from the same start; their difference is reported.
 
  @throws InputError wrong scene (missing model, table that does not cover the time, load on a prescribed coordinate)
- @throws ComputationError contact is never made, or full penetration */
+ @throws ComputationError contact is never made (in a scene without force elements), or full penetration */
 StaticResult runStatic(const scene::Scene& scene, const scene::Progress& progress = {});
 
 /** A trajectory, and the static analysis it started from. */
@@ -67,7 +71,8 @@ struct GaitResult : scene::Trajectory {
  their start values at rest.
 
  Error control: the local error of each step is kept below `accuracy` in a weighted RMS norm in which 1 is
-   1 mm for translations, 1 mm / kAngleLength_m for angles, 10 m/s and 10 m/s / kAngleLength_m for their rates,
+   1 mm for translations, 1 mm / kAngleLength_m for angles, 10 m/s and 10 m/s / kAngleLength_m for their rates, 0.1 for
+   activations, 1 mm for muscle fibres,
  absolute only: a relative tolerance would act on the height of the moving body's origin, some 33 mm, instead of
  the penetration. The default 1e-4 is thus 1e-4 mm. The order of the BDF formulas is capped at 2: higher ones are not
  stable on the undamped contact modes.
@@ -78,12 +83,17 @@ struct GaitResult : scene::Trajectory {
  @throws ComputationError contact is never made during the run, or the settling fails */
 GaitResult runGait(const scene::Scene& scene, const scene::Progress& progress = {});
 
+/** Static equilibria at the times of the scene's `series` section, each started from the one before: a slow motion without inertia. Tables
+ are read at each time. Where one is not found the trajectory has `failed`, `statusText` and the frames so far.
+ @throws as runStatic for the first equilibrium */
+scene::Trajectory runSeries(const scene::Scene& scene, const scene::Progress& progress = {});
+
 /** Recorded motion evaluated by the contact engine alone, for pressures and areas on the grid of `scene` (which may
  differ from the one of the run). Frames have q, contacts with energy, no rates; with `estimateErrors` also the estimated
  errors that the grid makes, at four times the cost. `runner`: threads for the evaluations. Works without a model section if the
  contact pairs name no links.
- @throws InputError when time and q differ in length or hold values that are not finite */
-scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<contact::JointCoordinates>& q,
+ @throws InputError when time and q differ in length, a frame has another number of coordinates than the scene, or a value is not finite */
+scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<scene::Coordinates>& q,
                          const scene::Scene& scene, const scene::Progress& progress = {}, bool estimateErrors = true,
                          const contact::TaskRunner* runner = nullptr);
 

@@ -20,18 +20,19 @@ namespace genu::report {
 struct ReferenceMotion {
   std::string source;
   std::vector<double> time_s;
-  std::map<int, std::vector<double>> coordinate;  ///< index into kCoordinateNames -> rad or m
+  std::map<int, std::vector<double>> coordinate;  ///< index of a coordinate of the scene -> rad or m
 };
 
 /** Reads the columns of a .csv, .sto or .mot table whose names start with a coordinate and end in a unit:
- `rx_deg`, `z_mm`, `x_post_mm`, `tz_m` (the same as z), `rz` (then rad or m, or deg in a table marked inDegrees). Time: `time` or `time_s`
+ `rx_deg`, `hip.angle_deg`, `z_mm`, `x_post_mm`, `tz_m` (the same as z), `rz` (then rad or m, or deg in a table marked inDegrees). Time: `time` or `time_s`
  [s], or `percent_cycle`, of which 100 is `duration_s`.
  @throws InputError when the file has no time or no coordinate */
-ReferenceMotion readReferenceMotion(const std::filesystem::path& file, double duration_s);
+ReferenceMotion readReferenceMotion(const std::filesystem::path& file, double duration_s,
+                                    const std::vector<scene::CoordinateInfo>& coordinates = scene::listCoordinates({}));
 
 /** What the writer must know beside scene and trajectory. */
 struct RunInfo {
-  std::string analysis;  ///< "static", "gait" or "replay"
+  std::string analysis;  ///< "static", "gait", "series" or "replay"
   std::filesystem::path folder;
   std::vector<std::string> commandLine;
   std::filesystem::path dataFolder;             ///< of `data:` paths; empty: none
@@ -43,6 +44,7 @@ struct RunInfo {
   nlohmann::ordered_json details;  ///< added to summary.json as it is
   /** Pose of a contact pair's moving body in its fixed body; empty: the joint's, calcPose(frame.q). */
   std::function<contact::Pose(const scene::Frame&, size_t pair)> calcPairPose;
+  std::vector<scene::ElementPath> paths;  ///< of force elements at the frame shown, for paths.vtp
 };
 
 struct RunOutput {
@@ -67,9 +69,14 @@ struct StoredRun {
   std::filesystem::path sceneFile;   ///< the copy inside the folder
   std::filesystem::path dataFolder;  ///< of its `data:` paths
   std::vector<double> time_s;
-  std::vector<contact::JointCoordinates> q;
+  std::vector<std::string> coordinates;  ///< names of the columns of q
+  std::vector<scene::Coordinates> q;     ///< as stored: angles in deg where `inDegrees`
+  bool inDegrees = true;
   bool complete = true;
   bool leftKnee = false;
+
+  /** q in SI and in the order of the scene's coordinates. @throws InputError when one is not there */
+  std::vector<scene::Coordinates> calcCoordinates(const std::vector<scene::CoordinateInfo>& wanted) const;
 };
 /** @throws InputError when the folder holds no results or its files are not what summary.json says */
 StoredRun readStoredRun(const std::filesystem::path& folder);

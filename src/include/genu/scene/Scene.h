@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "genu/contact/ContactPair.h"
+#include "genu/scene/Elements.h"
 #include "genu/scene/Errors.h"
+#include "genu/scene/TimeFunction.h"
 
 namespace genu::scene {
 
@@ -19,46 +21,74 @@ namespace genu::scene {
 /** The six coordinates in the order of contact::JointCoordinates. */
 inline constexpr std::array<const char*, 6> kCoordinateNames = {"rx", "ry", "rz", "x", "y", "z"};
 
-/** A column of a table over time: values in SI at increasing times [s]. */
-struct TimeSeries {
-  std::vector<double> time_s;
-  std::vector<double> value;
-  std::string source;  ///< "file.csv, column rz_deg", for messages
-};
-
-/** A value over time: constant or through a table. */
-using TimeFunction = std::variant<double, TimeSeries>;
-
 struct PrescribedCoordinate {
   TimeFunction motion;  ///< rad or m
 };
+/** A soft stop: no force inside [lower, upper], k (1 + d v) s beyond, s the overshoot, v its rate (Simbody's
+ Force::MobilityLinearStop); never pulls. */
+struct CoordinateLimits {
+  double lower = 0, upper = 0;  ///< rad or m
+  double stiffness = 0;         ///< N m/rad or N/m
+  double dissipation = 0;       ///< s/rad or s/m
+};
 struct FreeCoordinate {
-  std::optional<double> start;  ///< rad or m; absent: found by closing the gap (y) or 0
+  std::optional<double> start;  ///< rad or m; absent: found by closing the gap (y of a floating joint) or 0
   double damping = 0;           ///< viscous, N s/m or N m s/rad, acts in dynamic analyses
+  std::optional<CoordinateLimits> limits;
 };
 using CoordinateSpec = std::variant<PrescribedCoordinate, FreeCoordinate>;
 
-struct ModelSpec {
-  std::filesystem::path urdf;  ///< absolute
-  std::string joint;           ///< the floating joint: parent link F, child link M
-  std::array<double, 3> gravity_mPerS2 = {0, 0, 0};  ///< in ground
-  std::array<CoordinateSpec, 6> coordinates;
+/** A joint of the URDF that moves. Floating: the six coordinates of contact::JointCoordinates; rotation (revolute, continuous): `angle`;
+ translation (prismatic): `translation`. */
+struct JointSpec {
+  enum class Kind { floating, rotation, translation };
+  std::string name;
+  Kind kind = Kind::floating;
+
+  int numCoordinates() const { return kind == Kind::floating ? 6 : 1; }
 };
 
-/** A force at a point. */
+struct ModelSpec {
+  std::filesystem::path urdf;  ///< absolute
+  /** The only joint, floating: its parent link is F, its child link M, and coordinates have no prefix. Empty when `joints` names them. */
+  std::string joint;
+  std::vector<JointSpec> joints;
+  std::array<double, 3> gravity_mPerS2 = {0, 0, 0};  ///< in ground
+  std::vector<CoordinateSpec> coordinates = std::vector<CoordinateSpec>(6);  ///< of all joints, in their order
+};
+
+/** What one coordinate of a model is. */
+struct CoordinateInfo {
+  std::string name;       ///< "rx" of the only joint, "tibiofemoral.rx", "hip.angle"
+  std::string shortName;  ///< without the joint
+  std::string joint;
+  int axis = 0;           ///< of a floating joint: 0 to 5, in the order of kCoordinateNames; otherwise 0
+  bool isAngle = true;    ///< rad, otherwise m
+  bool isFree = false;
+
+  const char* unit() const { return isAngle ? "deg" : "mm"; }      ///< that people read
+  double unitsPerSi() const;                                       ///< 180/pi or 1000
+};
+/** The coordinates of a model, in the order of ModelSpec::coordinates; of a scene without one, the six of a pose. */
+std::vector<CoordinateInfo> listCoordinates(const ModelSpec& model);
+
+/** A load on a body: a force at a point and a moment. */
 struct LoadSpec {
   std::string name;
-  std::string body;                     ///< link the force acts on; the reaction is not applied anywhere
+  std::string body;                     ///< link the load acts on; the reaction is not applied anywhere
   std::string frame;                    ///< link whose axes the components use
-  std::array<TimeFunction, 3> force_N;
-  std::string pointBody;                ///< link the point is fixed in
-  std::array<double, 3> point_m = {0, 0, 0};
+  std::array<TimeFunction, 3> force_N = {0.0, 0.0, 0.0};
+  std::array<TimeFunction, 3> moment_Nm = {0.0, 0.0, 0.0};
+  std::string pointBody;                ///< link whose frame the point is given in
+  std::array<TimeFunction, 3> point_m = {0.0, 0.0, 0.0};
+
+  bool hasMoment() const;               ///< not zero throughout
 };
 
 /** A load applied directly to a coordinate: generalized force. On a prescribed coordinate it is an error. */
 struct GeneralizedLoadSpec {
   std::string name;
-  int coordinate = 0;
+  int coordinate = 0;  ///< index in ModelSpec::coordinates
   TimeFunction value;  ///< N or N m
 };
 
@@ -86,6 +116,15 @@ struct GaitSpec {
   bool settleFirst = true;      ///< static analysis at t = 0 first
 };
 
+/** Static equilibria at successive times, each from the one before (quasi-static motion). */
+struct SeriesSpec {
+  double duration_s = 1;
+  double outputInterval_s = 0.01;
+};
+
+/** A pose by name: coordinates in the order of ModelSpec::coordinates. */
+using NamedPoses = std::map<std::string, std::vector<double>>;
+
 struct OutputSpec {
   bool maps = true;    ///< pressure maps (.vtp)
   bool plots = true;
@@ -110,6 +149,11 @@ struct Scene {
   std::vector<GeneralizedLoadSpec> generalizedLoads;
   std::optional<StaticSpec> staticAnalysis;
   std::optional<GaitSpec> gait;
+  std::optional<SeriesSpec> series;
+  NamedPoses poses;
+  std::vector<WrapDefinition> wraps;
+  /** Force elements beside contact and loads (ligaments, muscles, ...), in the order of the file. */
+  std::vector<std::shared_ptr<const ElementDefinition>> elements;
   OutputSpec output;
   double cycle_s = 1;  ///< tables over percent of a cycle span it
   std::vector<SurfaceSummary> surfaces;
@@ -121,6 +165,9 @@ struct Scene {
   /** "scene.yaml:31: loads.axial.body", to begin a message with; a key the file does not have takes the line of its
    nearest parent. */
   std::string where(const std::string& keyPath) const;
+
+  /** listCoordinates(*model), or the six of a pose. */
+  std::vector<CoordinateInfo> coordinates() const { return listCoordinates(model ? *model : ModelSpec()); }
 };
 
 }  // namespace genu::scene

@@ -10,13 +10,17 @@
 
 namespace genu::scene {
 
-/** What a run leaves behind: one frame per output time. SI, coordinates in the order of kCoordinateNames. */
+/** Values of the model's coordinates, rad or m, in the order of listCoordinates. */
+using Coordinates = std::vector<double>;
+
+/** What a run leaves behind: one frame per output time. SI. */
 struct Frame {
   double time_s = 0;
-  contact::JointCoordinates q{}, qdot{}, qddot{};
+  Coordinates q, qdot, qddot;  ///< rates are empty where they are not known
   std::vector<contact::ContactResult> contacts;  ///< one per contact pair of the scene, in its order
   std::vector<contact::ContactErrorEstimate> errors;  ///< of `contacts`; empty: not estimated
   std::vector<double> constraintForce;           ///< generalized force that prescribes each coordinate (0 when free)
+  std::vector<double> elements;                  ///< outputs of the force elements, in the order of Trajectory::elementColumns
 };
 
 struct IntegratorStatistics {
@@ -25,8 +29,26 @@ struct IntegratorStatistics {
        contactEvaluations = 0, contactCopies = 0, distanceQueries = 0;
 };
 
+/** A quantity that a force element reports. */
+struct ElementColumn {
+  std::string keyword;   ///< "ligaments"
+  std::string element;   ///< "ACL_am"
+  std::string quantity;  ///< "force"
+  std::string unit;      ///< SI: "N"; "" without one
+
+  /** "ACL_am.force_N" */
+  std::string label() const { return element + "." + quantity + (unit.empty() ? "" : "_" + unit); }
+};
+
+/** Where the paths of elements run, for pictures: points in the root link's frame [m]. */
+struct ElementPath {
+  std::string keyword, element;
+  std::vector<contact::Vec3> points_m;
+};
+
 struct Trajectory {
   std::vector<Frame> frames;
+  std::vector<ElementColumn> elementColumns;
   bool complete = false;       ///< false after Ctrl-C or a failure: frames hold what was computed so far
   std::string statusText;      ///< "complete", "interrupted at t = ...", or the failure with advice
   bool failed = false;         ///< a failure, not an interruption

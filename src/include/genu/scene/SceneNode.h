@@ -1,8 +1,7 @@
 #pragma once
 
-#include <yaml-cpp/yaml.h>
-
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -11,46 +10,49 @@
 #include "genu/io/Units.h"
 #include "genu/scene/Errors.h"
 
+namespace YAML {
+class Node;
+}
+
 namespace genu::scene {
 
 /** What all nodes of one document share. */
-struct YamlDocument {
+struct SceneDocument {
   std::string file;
   std::map<std::string, int> keyLines;  ///< filled as keys are read
 };
 
-/** A YAML value that knows its place. Every message begins "file:line: key.path: ". */
-class YamlNode {
+/** A value of a scene file that knows its place. Every message begins "file:line: key.path: ". */
+class SceneNode {
  public:
-  YamlNode(YAML::Node node, std::string path, int line, YamlDocument& document)
-      : node_(std::move(node)), path_(std::move(path)), line_(line), document_(&document) {}
+  SceneNode(const YAML::Node& node, std::string path, int line, SceneDocument& document);
 
   /** Parses a whole text; exactly one document. @throws InputError with the line of a syntax error */
-  static YamlNode parse(const std::string& text, YamlDocument& document);
+  static SceneNode parse(const std::string& text, SceneDocument& document);
 
   const std::string& path() const { return path_; }
   int line() const { return line_; }
   std::string where() const;
   [[noreturn]] void fail(const std::string& what) const;
 
-  bool isMap() const { return node_.IsMap(); }
-  bool isScalar() const { return node_.IsScalar(); }
-  bool isSequence() const { return node_.IsSequence(); }
+  bool isMap() const;
+  bool isScalar() const;
+  bool isSequence() const;
 
   /** Keys and values of a mapping in the order of the file. @throws InputError not a mapping, a repeated or empty key
    */
-  std::vector<std::pair<std::string, YamlNode>> items() const;
+  std::vector<std::pair<std::string, SceneNode>> items() const;
   /** @throws InputError not a mapping, a key that is not allowed (naming the nearest one), a repeated key */
   void requireKeys(const std::vector<std::string>& allowed) const;
-  std::optional<YamlNode> find(const std::string& key) const;
+  std::optional<SceneNode> find(const std::string& key) const;
   /** @throws InputError when the key is missing; `example` shows what to write */
-  YamlNode get(const std::string& key, const std::string& example) const;
+  SceneNode get(const std::string& key, const std::string& example) const;
   /** A key's path below this one, for messages about keys that are absent. */
   std::string childPath(const std::string& key) const { return path_.empty() ? key : path_ + "." + key; }
 
   /** Elements of a sequence, or of a text with commas: "0 mm, 1 mm". @throws InputError another count */
-  std::vector<YamlNode> getList(size_t count, const std::string& what) const;
-  std::vector<YamlNode> getList(const std::string& what) const;
+  std::vector<SceneNode> getList(size_t count, const std::string& what) const;
+  std::vector<SceneNode> getList(const std::string& what) const;
 
   /** @throws InputError not a scalar, or empty */
   std::string getText(const std::string& expected) const;
@@ -68,10 +70,10 @@ class YamlNode {
  private:
   std::string describe() const;
 
-  YAML::Node node_;
+  std::shared_ptr<const YAML::Node> node_;  // yaml-cpp stays out of public headers
   std::string path_;
   int line_;
-  YamlDocument* document_;
+  SceneDocument* document_;
 };
 
 }  // namespace genu::scene

@@ -1,6 +1,7 @@
-#include "YamlReader.h"
+#include "genu/scene/SceneNode.h"
 
 #include <yaml-cpp/eventhandler.h>
+#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <charconv>
@@ -37,7 +38,14 @@ class DocumentCounter : public YAML::EventHandler {
 
 }  // namespace
 
-YamlNode YamlNode::parse(const std::string& text, YamlDocument& document) {
+SceneNode::SceneNode(const YAML::Node& node, std::string path, int line, SceneDocument& document)
+    : node_(std::make_shared<const YAML::Node>(node)), path_(std::move(path)), line_(line), document_(&document) {}
+
+bool SceneNode::isMap() const { return node_->IsMap(); }
+bool SceneNode::isScalar() const { return node_->IsScalar(); }
+bool SceneNode::isSequence() const { return node_->IsSequence(); }
+
+SceneNode SceneNode::parse(const std::string& text, SceneDocument& document) {
   YAML::Node root;
   DocumentCounter counter;
   try {
@@ -66,24 +74,24 @@ YamlNode YamlNode::parse(const std::string& text, YamlDocument& document) {
   return {root, "", line, document};
 }
 
-std::string YamlNode::where() const {
+std::string SceneNode::where() const {
   return document_->file + ":" + std::to_string(line_) + (path_.empty() ? "" : ": " + path_);
 }
 
-void YamlNode::fail(const std::string& what) const { throw InputError(where() + ": " + what); }
+void SceneNode::fail(const std::string& what) const { throw InputError(where() + ": " + what); }
 
-std::string YamlNode::describe() const {
-  if (node_.IsMap()) return "is a mapping";
-  if (node_.IsSequence()) return "is a list";
-  if (!node_.IsScalar()) return "is empty";
-  return node_.Scalar().empty() ? "is empty" : "is \"" + shorten(node_.Scalar()) + "\"";
+std::string SceneNode::describe() const {
+  if (node_->IsMap()) return "is a mapping";
+  if (node_->IsSequence()) return "is a list";
+  if (!node_->IsScalar()) return "is empty";
+  return node_->Scalar().empty() ? "is empty" : "is \"" + shorten(node_->Scalar()) + "\"";
 }
 
-std::vector<std::pair<std::string, YamlNode>> YamlNode::items() const {
-  if (!node_.IsMap()) fail(describe() + ", keys with values are needed");
-  std::vector<std::pair<std::string, YamlNode>> result;
+std::vector<std::pair<std::string, SceneNode>> SceneNode::items() const {
+  if (!node_->IsMap()) fail(describe() + ", keys with values are needed");
+  std::vector<std::pair<std::string, SceneNode>> result;
   std::map<std::string, int> seen;
-  for (const auto& item : node_) {
+  for (const auto& item : *node_) {
     const int line = lineOf(item.first, line_);
     if (!item.first.IsScalar() || item.first.Scalar().empty()) {
       throw InputError(document_->file + ":" + std::to_string(line) + (path_.empty() ? "" : ": " + path_) +
@@ -96,12 +104,12 @@ std::vector<std::pair<std::string, YamlNode>> YamlNode::items() const {
                        ": this key was given before, in line " + std::to_string(first->second));
     }
     document_->keyLines[childPath(key)] = line;
-    result.emplace_back(key, YamlNode(item.second, childPath(key), line, *document_));
+    result.emplace_back(key, SceneNode(item.second, childPath(key), line, *document_));
   }
   return result;
 }
 
-void YamlNode::requireKeys(const std::vector<std::string>& allowed) const {
+void SceneNode::requireKeys(const std::vector<std::string>& allowed) const {
   for (const auto& [key, value] : items()) {
     if (std::find(allowed.begin(), allowed.end(), key) == allowed.end()) {
       throw InputError(document_->file + ":" + std::to_string(value.line()) + ": " + shorten(value.path()) + ": " +
@@ -110,28 +118,28 @@ void YamlNode::requireKeys(const std::vector<std::string>& allowed) const {
   }
 }
 
-std::optional<YamlNode> YamlNode::find(const std::string& key) const {
+std::optional<SceneNode> SceneNode::find(const std::string& key) const {
   for (auto& [name, value] : items()) {
     if (name == key) return value;
   }
   return std::nullopt;
 }
 
-YamlNode YamlNode::get(const std::string& key, const std::string& example) const {
-  if (std::optional<YamlNode> found = find(key)) return *found;
+SceneNode SceneNode::get(const std::string& key, const std::string& example) const {
+  if (std::optional<SceneNode> found = find(key)) return *found;
   throw InputError(document_->file + ":" + std::to_string(line_) + ": " + childPath(key) +
                    ": this key is missing; write " + example);
 }
 
-std::vector<YamlNode> YamlNode::getList(const std::string& what) const {
-  std::vector<YamlNode> elements;
-  if (node_.IsSequence()) {
-    for (size_t i = 0; i < node_.size(); ++i) {
-      elements.emplace_back(node_[i], path_ + "[" + std::to_string(i) + "]", lineOf(node_[i], line_), *document_);
+std::vector<SceneNode> SceneNode::getList(const std::string& what) const {
+  std::vector<SceneNode> elements;
+  if (node_->IsSequence()) {
+    for (size_t i = 0; i < node_->size(); ++i) {
+      elements.emplace_back((*node_)[i], path_ + "[" + std::to_string(i) + "]", lineOf((*node_)[i], line_), *document_);
     }
-  } else if (node_.IsScalar() && !node_.Scalar().empty()) {
+  } else if (node_->IsScalar() && !node_->Scalar().empty()) {
     size_t i = 0;
-    for (const std::string& part : io::splitList(node_.Scalar())) {
+    for (const std::string& part : io::splitList(node_->Scalar())) {
       elements.emplace_back(YAML::Node(part), path_ + "[" + std::to_string(i++) + "]", line_, *document_);
     }
   } else {
@@ -140,8 +148,8 @@ std::vector<YamlNode> YamlNode::getList(const std::string& what) const {
   return elements;
 }
 
-std::vector<YamlNode> YamlNode::getList(size_t count, const std::string& what) const {
-  std::vector<YamlNode> elements = getList(what);
+std::vector<SceneNode> SceneNode::getList(size_t count, const std::string& what) const {
+  std::vector<SceneNode> elements = getList(what);
   if (elements.size() != count) {
     fail("has " + std::to_string(elements.size()) + (elements.size() == 1 ? " value" : " values") + ", " + what +
          " is needed");
@@ -149,18 +157,18 @@ std::vector<YamlNode> YamlNode::getList(size_t count, const std::string& what) c
   return elements;
 }
 
-std::string YamlNode::getText(const std::string& expected) const {
-  if (!node_.IsScalar() || node_.Scalar().empty()) fail(describe() + ", " + expected + " is needed");
-  return node_.Scalar();
+std::string SceneNode::getText(const std::string& expected) const {
+  if (!node_->IsScalar() || node_->Scalar().empty()) fail(describe() + ", " + expected + " is needed");
+  return node_->Scalar();
 }
 
-bool YamlNode::getBool() const {
+bool SceneNode::getBool() const {
   const std::string text = getText("true or false");
   if (text != "true" && text != "false") fail("is \"" + shorten(text) + "\"; allowed: true, false");
   return text == "true";
 }
 
-int YamlNode::getInteger(int lowest, int highest) const {
+int SceneNode::getInteger(int lowest, int highest) const {
   const std::string allowed = "an integer from " + std::to_string(lowest) + " to " + std::to_string(highest);
   const std::string text = getText(allowed);
   int value = 0;
@@ -171,31 +179,31 @@ int YamlNode::getInteger(int lowest, int highest) const {
   return value;
 }
 
-double YamlNode::getQuantity(io::Dimension dimension) const {
+double SceneNode::getQuantity(io::Dimension dimension) const {
   const std::string text =
       getText(std::string("a ") + io::toString(dimension) + " (" + io::acceptedUnits(dimension) + ")");
   return io::parseQuantity(text, dimension, where());
 }
 
-double YamlNode::getQuantityOrInfinity(io::Dimension dimension) const {
+double SceneNode::getQuantityOrInfinity(io::Dimension dimension) const {
   const std::string text =
       getText(std::string("a ") + io::toString(dimension) + " (" + io::acceptedUnits(dimension) + ")");
   return io::parseQuantityOrInfinity(text, dimension, where());
 }
 
-double YamlNode::getPositive(io::Dimension dimension) const {
+double SceneNode::getPositive(io::Dimension dimension) const {
   const double value = getQuantity(dimension);
   if (!(value > 0)) fail(describe() + "; allowed: > 0");
   return value;
 }
 
-double YamlNode::getNonNegative(io::Dimension dimension) const {
+double SceneNode::getNonNegative(io::Dimension dimension) const {
   const double value = getQuantity(dimension);
   if (!(value >= 0)) fail(describe() + "; allowed: >= 0");
   return value;
 }
 
-size_t YamlNode::getChoice(const std::vector<std::string>& allowed) const {
+size_t SceneNode::getChoice(const std::vector<std::string>& allowed) const {
   const std::string text = getText("one of " + io::joinNames(allowed));
   const auto found = std::find(allowed.begin(), allowed.end(), text);
   if (found == allowed.end()) {
