@@ -12,6 +12,7 @@
 #include "genu/contact/Types.h"
 #include "genu/scene/Scene.h"
 #include "genu/scene/SceneFile.h"
+#include "genu/scene/Trajectory.h"
 
 namespace genu::app {
 
@@ -46,6 +47,7 @@ struct ContactOptions {
 // Each returns an exit code or throws InputError or ComputationError.
 int runStaticCommand(const RunOptions& options, const CommonOptions& common);
 int runGaitCommand(const RunOptions& options, const CommonOptions& common);
+int runSeriesCommand(const RunOptions& options, const CommonOptions& common);
 int runReplayCommand(const RunOptions& options, const CommonOptions& common);
 int runContactCommand(const ContactOptions& options, const CommonOptions& common);
 int runCheckCommand(const std::filesystem::path& scene, const CommonOptions& common);
@@ -58,13 +60,13 @@ bool hasThreads();
 /** One line each on stderr: what scene::listWarnings says. */
 void warnAbout(const scene::Scene& scene);
 
-/** Pose of each contact pair's moving body in its fixed body, as a function of the joint's coordinates; reads the URDF
- only when a pair names links. */
+/** Pose of each contact pair's moving body in its fixed body, as a function of the scene's coordinates; reads the URDF
+ of a scene with a model. */
 class PairPoses {
  public:
   explicit PairPoses(const scene::Scene& scene);
   ~PairPoses();
-  contact::Pose calcPose(const contact::JointCoordinates& q, size_t pair) const;
+  contact::Pose calcPose(const scene::Coordinates& q, size_t pair) const;
 
  private:
   struct Impl;

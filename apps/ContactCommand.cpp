@@ -7,6 +7,7 @@
 #include "Commands.h"
 #include "genu/contact/AdaptiveGrid.h"
 #include "genu/contact/ContactPair.h"
+#include "genu/io/Suggest.h"
 #include "genu/model/UrdfModel.h"
 #include "genu/report/ContactReport.h"
 #include "genu/report/ElementMesh.h"
@@ -21,17 +22,17 @@ struct PairPoses::Impl {
 };
 
 PairPoses::PairPoses(const scene::Scene& scene) : impl_(std::make_unique<Impl>()) {
-  bool named = false;
+  bool named = scene.model && !scene.model->joints.empty();
   for (const auto& pair : scene.contacts) named = named || !pair.fixedBody.empty() || !pair.movingBody.empty();
   if (!scene.model || !named) return;
-  const model::UrdfModel urdf = model::readUrdf(scene.model->urdf, scene.model->joint);
+  const model::UrdfModel urdf = model::readUrdf(*scene.model);
   for (const auto& pair : scene.contacts) impl_->frames.push_back(model::findContactFrames(urdf, pair));
 }
 
 PairPoses::~PairPoses() = default;
 
-contact::Pose PairPoses::calcPose(const contact::JointCoordinates& q, size_t pair) const {
-  return impl_->frames.empty() ? contact::calcPose(q) : impl_->frames[pair].calcPose(q);
+contact::Pose PairPoses::calcPose(const scene::Coordinates& q, size_t pair) const {
+  return impl_->frames.empty() ? contact::calcPose(scene::takeSix(q)) : impl_->frames[pair].calcPose(q);
 }
 
 namespace {
@@ -58,11 +59,23 @@ contact::Vec3 roundForPrint(const contact::Vec3& v) {
   return v.unaryExpr([](double value) { return std::round(value * 1e4) / 1e4 + 0.0; });
 }
 
+/** The name of a pose the scene defines, or six coordinates of a scene that has no more. */
+scene::Coordinates choosePose(const scene::Scene& scene, const std::string& text) {
+  const auto named = scene.poses.find(text);
+  if (named != scene.poses.end()) return named->second;
+  if (scene.model && !scene.model->joints.empty()) {
+    std::vector<std::string> names;
+    for (const auto& pose : scene.poses) names.push_back(pose.first);
+    throw InputError("--pose: a model with several joints needs a pose of the scene by name: " + io::describeUnknown("pose", text, names));
+  }
+  const contact::JointCoordinates six = scene::parsePose(text, "--pose");
+  return {six.begin(), six.end()};
+}
+
 }  // namespace
 
 int runContactCommand(const ContactOptions& options, const CommonOptions& common) {
   installInterruptHandler(true);
-  const contact::JointCoordinates q = scene::parsePose(options.pose, "--pose");
   std::optional<FieldFormat> format;
   if (!options.field.empty()) {
     format = chooseFormat(options.field);
@@ -70,6 +83,8 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
   }
   const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, false));
   warnAbout(scene);
+  if (scene.contacts.empty()) throw InputError(scene.file.string() + ": contact: the scene has no contact to evaluate");
+  const scene::Coordinates q = choosePose(scene, options.pose);
   const auto runner = makeTaskRunner(options.threads);
   ProgressMeter meter("contact", common.console);
   const auto pairs = scene::makeContactPairs(scene);

@@ -110,7 +110,7 @@ bool needsMap(const contact::Thickness& t) {
 void explainModel(const Scene& scene) {
   if (!scene.model) return;
   const scene::ModelSpec& model = *scene.model;
-  const model::UrdfModel urdf = model::readUrdf(model.urdf, model.joint);
+  const model::UrdfModel urdf = model::readUrdf(model);
   fmt::print("\nModel: {}\n", model.urdf.string());
   for (size_t i = 0; i < urdf.links.size(); ++i) {
     const auto& link = urdf.links[i];
@@ -118,41 +118,59 @@ void explainModel(const Scene& scene) {
                        : static_cast<int>(i) == urdf.floatingParent() ? ", fixed body F"
                                                                       : "";
     const std::string mass = link.inertia ? io::formatQuantity(link.inertia->mass_kg, "kg") : "no mass given";
-    const std::string joint = !link.joint ? "welded to ground"
-                              : link.joint->type == model::JointType::floating
-                                  ? fmt::format("joint {}: six coordinates", link.joint->name)
-                                  : fmt::format("joint {}: fixed", link.joint->name);
+    std::string joint = "welded to ground";
+    if (link.joint) {
+      constexpr std::array<const char*, 4> kTypes = {"fixed", "six coordinates", "one rotation", "one translation"};
+      joint = fmt::format("joint {}: {}", link.joint->name, kTypes[static_cast<size_t>(link.joint->type)]);
+      if (!model.joints.empty()) joint += " on " + urdf.links[static_cast<size_t>(link.joint->parent)].name;
+    }
     fmt::print("  link {:<20} {}, {}{}\n", link.name, mass, joint, role);
   }
-  fmt::print("Coordinates of joint {}:\n", model.joint);
-  for (size_t i = 0; i < 6; ++i) {
-    const std::string unit = i < 3 ? "deg" : "mm";
+  const std::vector<scene::CoordinateInfo> coordinates = scene.coordinates();
+  size_t width = 2;
+  for (const auto& c : coordinates) width = std::max(width, c.name.size());
+  fmt::print(model.joints.empty() ? "Coordinates of joint {}:\n" : "Coordinates:\n", model.joint);
+  for (size_t i = 0; i < coordinates.size(); ++i) {
+    const scene::CoordinateInfo& c = coordinates[i];
+    const std::string unit = c.unit();
     if (const auto* prescribed = std::get_if<scene::PrescribedCoordinate>(&model.coordinates[i])) {
-      fmt::print("  {:<2} prescribed, {}\n", kCoordinateNames[i], describe(prescribed->motion, unit));
+      fmt::print("  {:<{}} prescribed, {}\n", c.name, width, describe(prescribed->motion, unit));
       continue;
     }
     const auto& free = std::get<scene::FreeCoordinate>(model.coordinates[i]);
-    const std::string start = free.start ? "starts at " + io::formatQuantity(*free.start, unit)
-                              : i == 4   ? std::string("starts where the surfaces touch")
-                                         : "starts at 0 " + unit;
-    const std::string damping =
-        free.damping > 0 ? fmt::format(", damping {:g} {}", free.damping, i < 3 ? "N m s/rad" : "N s/m") : "";
-    fmt::print("  {:<2} free, {}{}\n", kCoordinateNames[i], start, damping);
+    const std::string start = free.start              ? "starts at " + io::formatQuantity(*free.start, unit)
+                              : c.shortName == "y" ? std::string("starts where the surfaces touch")
+                                                      : "starts at 0 " + unit;
+    const std::string damping = free.damping > 0 ? fmt::format(", damping {:g} {}", free.damping, c.isAngle ? "N m s/rad" : "N s/m") : "";
+    const std::string limits = free.limits ? ", stops at " + io::formatQuantity(free.limits->lower, unit) + " and " +
+                                                 io::formatQuantity(free.limits->upper, unit)
+                                           : "";
+    fmt::print("  {:<{}} free, {}{}{}\n", c.name, width, start, damping, limits);
   }
-  if (!scene.loads.empty()) fmt::print("Loads:\n");
+  if (!scene.loads.empty() || !scene.generalizedLoads.empty()) fmt::print("Loads:\n");
   for (const auto& load : scene.loads) {
-    fmt::print("  {}: on {}, axes of {}, at ({}, {}, {}) in {}\n", load.name, load.body, load.frame,
-               io::formatQuantity(load.point_m[0], "mm"), io::formatQuantity(load.point_m[1], "mm"),
-               io::formatQuantity(load.point_m[2], "mm"), load.pointBody);
-    for (size_t axis = 0; axis < 3; ++axis) {
-      const auto* constant = std::get_if<double>(&load.force_N[axis]);
-      if (constant == nullptr || *constant != 0)
-        fmt::print("    {}: {}\n", "xyz"[axis], describe(load.force_N[axis], "N"));
-    }
+    const auto at = [&load](size_t axis) { return describe(load.point_m[axis], "mm"); };
+    fmt::print("  {}: on {}, axes of {}, at ({}, {}, {}) in {}\n", load.name, load.body, load.frame, at(0), at(1), at(2),
+               load.pointBody.empty() ? load.body : load.pointBody);
+    const auto print = [](const scene::TimeFunction& value, const char* name, const char* unit) {
+      const auto* constant = std::get_if<double>(&value);
+      if (constant == nullptr || *constant != 0) fmt::print("    {}: {}\n", name, describe(value, unit));
+    };
+    constexpr std::array<const char*, 3> kForces = {"x", "y", "z"}, kMoments = {"moment x", "moment y", "moment z"};
+    for (size_t axis = 0; axis < 3; ++axis) print(load.force_N[axis], kForces[axis], "N");
+    for (size_t axis = 0; axis < 3; ++axis) print(load.moment_Nm[axis], kMoments[axis], "N m");
   }
   for (const auto& load : scene.generalizedLoads) {
-    fmt::print("  {}: on coordinate {}, {}\n", load.name, kCoordinateNames[static_cast<size_t>(load.coordinate)],
-               describe(load.value, load.coordinate < 3 ? "N m" : "N"));
+    const scene::CoordinateInfo& c = coordinates[static_cast<size_t>(load.coordinate)];
+    fmt::print("  {}: on coordinate {}, {}\n", load.name, c.name, describe(load.value, c.isAngle ? "N m" : "N"));
+  }
+  std::string keyword;
+  for (const auto& element : scene.elements) {
+    if (element->keyword != keyword) {
+      keyword = element->keyword;
+      fmt::print("{}:\n", keyword);
+    }
+    fmt::print("  {}: {}\n", element->name, element->describe());
   }
 }
 
@@ -298,6 +316,12 @@ void explainLeftOut(const Built& built) {
     if (!prescribed) left.emplace_back("constraints: no coordinate is prescribed");
     if (scene.loads.empty()) left.emplace_back("loads at points: none given");
     if (scene.generalizedLoads.empty()) left.emplace_back("loads on coordinates: none given");
+    for (const std::string& keyword : scene::listElementKeywords()) {
+      if (std::none_of(scene.elements.begin(), scene.elements.end(), [&](const auto& e) { return e->keyword == keyword; })) {
+        left.push_back(keyword + ": none given; no force, no state and no cache entry of them exists");
+      }
+    }
+    if (scene.wraps.empty()) left.emplace_back("wrapping: no path has a wrap");
     if (!scene.gait) left.emplace_back("time integration: no gait analysis");
   }
   if (!scene.output.maps) left.emplace_back("pressure maps: switched off");
@@ -318,6 +342,7 @@ int runCheckCommand(const fs::path& file, const CommonOptions& common) {
     const model::KneeSystem knee(scene, built.pairs);
     const double staticTime = scene.staticAnalysis ? scene.staticAnalysis->time_s : 0;
     if (scene.staticAnalysis) knee.checkTablesCover(staticTime, staticTime);
+    if (scene.series) knee.checkTablesCover(0, scene.series->duration_s);
     if (scene.gait) {
       knee.checkTablesCover(0, scene.gait->duration_s);
       const auto names = model::integratorNames();
@@ -345,7 +370,9 @@ int runCheckCommand(const fs::path& file, const CommonOptions& common) {
   }
   for (const auto& name : scene.unused) spdlog::warn("{}: defined, used by nothing", scene.where(name));
   std::string analyses = "contact";
-  if (scene.model) analyses += scene.gait ? ", static, gait" : ", static";
+  if (scene.contacts.empty()) analyses = "";
+  if (scene.model) analyses += std::string(analyses.empty() ? "" : ", ") + (scene.gait ? "static, gait" : "static");
+  if (scene.series) analyses += ", series";
   warnAbout(scene);
   fmt::print("{}: no errors; ready for: {}\n", file.string(), analyses);
   return kOk;

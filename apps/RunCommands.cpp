@@ -3,7 +3,9 @@
 #include <spdlog/spdlog.h>
 
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "Commands.h"
 #include "genu/model/Analysis.h"
@@ -11,6 +13,7 @@
 #include "genu/report/ContactReport.h"
 #include "genu/report/OutputFolder.h"
 #include "genu/report/RunReport.h"
+#include "genu/io/Suggest.h"
 
 namespace genu::app {
 namespace fs = std::filesystem;
@@ -33,10 +36,33 @@ report::RunInfo makeInfo(const std::string& analysis, const fs::path& folder, co
   info.leftKnee = options.side == "left";
   info.maps = scene.output.maps && !options.noMaps;
   info.plots = scene.output.plots && !options.noPlots;
-  if (!options.reference.empty()) info.reference = report::readReferenceMotion(options.reference, scene.cycle_s);
+  if (!options.reference.empty()) info.reference = report::readReferenceMotion(options.reference, scene.cycle_s, scene.coordinates());
   const auto poses = std::make_shared<PairPoses>(scene);
   info.calcPairPose = [poses](const scene::Frame& frame, size_t pair) { return poses->calcPose(frame.q, pair); };
   return info;
+}
+
+/** What force elements did outside the range of their laws, counted over the frames. */
+void warnAboutElements(const scene::Trajectory& trajectory) {
+  std::map<std::string, std::pair<std::set<std::string>, size_t>> problems;
+  for (size_t i = 0; i < trajectory.elementColumns.size(); ++i) {
+    const scene::ElementColumn& column = trajectory.elementColumns[i];
+    for (const auto& frame : trajectory.frames) {
+      const double value = frame.elements[i];
+      std::string problem;
+      if (column.quantity == "inside_wrap" && value > 0) problem = "an end of the path lies inside its wrapping surface, which is left out there";
+      if (column.keyword == "muscles" && column.quantity == "state" && value == 1) problem = "the tendon is slack: no force";
+      if (column.keyword == "muscles" && column.quantity == "state" && value >= 2) problem = "the fibre is outside the range of the curves (0.2 to 1.8)";
+      if (problem.empty()) continue;
+      auto& [names, count] = problems[problem];
+      names.insert(column.element);
+      ++count;
+    }
+  }
+  for (const auto& [problem, found] : problems) {
+    spdlog::warn("{} in {} of {} frames: {}", problem, found.second, trajectory.frames.size() * found.first.size(),
+                 io::joinNames({found.first.begin(), found.first.end()}));
+  }
 }
 
 /** Writes the results and prints the table. */
@@ -45,7 +71,7 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
   if (trajectory.failed && !(options.keepFailed && !trajectory.frames.empty())) {
     throw ComputationError(fmt::format(
         "{}: {}{}", scene.file.string(), trajectory.statusText,
-        trajectory.frames.empty() || info.analysis != "gait" ? "" : " (--keep-failed writes what was computed)"));
+        trajectory.frames.empty() || (info.analysis != "gait" && info.analysis != "series") ? "" : " (--keep-failed writes what was computed)"));
   }
   if (trajectory.frames.empty()) {
     spdlog::warn("{}: interrupted before the first result; nothing written", scene.file.string());
@@ -79,6 +105,7 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
         "no_thickness_elements); extend it or give `missing`",
         noThickness);
   }
+  warnAboutElements(trajectory);
   if (report::worstStatus(trajectory.frames.back().contacts) == contact::EvaluationStatus::extrapolated) {
     spdlog::warn("{}", report::describeStatus(scene, trajectory.frames.back().contacts));
   }
@@ -141,12 +168,15 @@ int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
   trajectory.statistics.stepsTaken = result.iterations;
   trajectory.statistics.contactEvaluations = result.contactEvaluations;
   trajectory.statistics.distanceQueries = result.distanceQueries;
-  if (!result.contacts.empty()) {
+  trajectory.elementColumns = result.elementColumns;
+  info.paths = result.paths;
+  if (!result.q.empty()) {
     scene::Frame frame;
     frame.time_s = result.time_s;
     frame.q = result.q;
     frame.contacts = result.contacts;
-    frame.constraintForce.assign(result.constraintForce.begin(), result.constraintForce.end());
+    frame.constraintForce = result.constraintForce;
+    frame.elements = result.elements;
     trajectory.frames.push_back(std::move(frame));
   }
   info.details["static"] = toJson(result);
@@ -170,6 +200,24 @@ int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
     result = model::runGait(knee, scene, meter.callback());
   }
   if (result.settling) info.details["settling"] = toJson(*result.settling);
+  return finish(scene, result, info, options, common);
+}
+
+int runSeriesCommand(const RunOptions& options, const CommonOptions& common) {
+  installInterruptHandler(false);
+  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
+  const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-series"));
+  report::OutputFolder::check(folder);
+  const report::RunInfo info = makeInfo("series", folder, scene, options, common);
+  warnAbout(scene);
+  const auto runner = makeTaskRunner(options.threads);
+  scene::Trajectory result;
+  {
+    ProgressMeter meter("series", common.console);
+    model::KneeSystem knee(scene);
+    knee.contact().setTaskRunner(runner.get());
+    result = model::runSeries(knee, scene, meter.callback());
+  }
   return finish(scene, result, info, options, common);
 }
 
@@ -201,7 +249,7 @@ int runReplayCommand(const RunOptions& options, const CommonOptions& common) {
   scene::Trajectory trajectory;
   {
     ProgressMeter meter("replay", common.console);
-    trajectory = model::replay(run.time_s, run.q, scene, meter.callback(), !options.noErrorEstimate, runner.get());
+    trajectory = model::replay(run.time_s, run.calcCoordinates(scene.coordinates()), scene, meter.callback(), !options.noErrorEstimate, runner.get());
   }
   return finish(scene, trajectory, info, runOptions, stored);
 }

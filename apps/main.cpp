@@ -99,6 +99,17 @@ int run(int argc, char** argv) {
                   kExitCodes);
   actions[command] = [&] { return runGaitCommand(runOptions, common); };
 
+  command = app.add_subcommand("series", "Find one equilibrium after another: slow motion without inertia");
+  addScene(*command, runOptions.scene);
+  addRunOptions(*command, runOptions, "results/SCENE-series", "Elements of every compartment instead of the scene's");
+  command->add_flag("--keep-failed", runOptions.keepFailed,
+                    "Write what was computed before a failure, marked incomplete");
+  addCommonOptions(*command, common);
+  command->footer(std::string("\nExample:\n  genu series models/knee_with_ligaments/natural.yaml --output flexion\n\n"
+                              "Each equilibrium starts from the one before; tables of the scene are read at each time.\n") +
+                  kExitCodes);
+  actions[command] = [&] { return runSeriesCommand(runOptions, common); };
+
   command = app.add_subcommand("replay", "Evaluate the contact along a finished run, on another grid");
   command->add_option("RESULTS", runOptions.scene, "Results folder of `genu gait`, `genu static` or `genu replay`")
       ->required();

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 
@@ -8,17 +7,6 @@
 #include "genu/model/UrdfModel.h"
 
 namespace genu::model {
-
-namespace {
-
-/** Of a scene without a model. */
-contact::Pose calcPose(const scene::Coordinates& q) {
-  contact::JointCoordinates six{};
-  std::copy(q.begin(), q.end(), six.begin());
-  return contact::calcPose(six);
-}
-
-}  // namespace
 
 scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<scene::Coordinates>& q,
                          const scene::Scene& scene, const scene::Progress& progress, bool estimateErrors,
@@ -74,7 +62,7 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<sc
     frame.contacts.resize(pairs.size());
     frame.errors.resize(estimators.size());
     for (size_t k = 0; k < pairs.size(); ++k) {
-      const contact::Pose X = frames.empty() ? calcPose(q[i]) : frames[k].calcPose(q[i]);
+      const contact::Pose X = frames.empty() ? contact::calcPose(scene::takeSix(q[i])) : frames[k].calcPose(q[i]);
       pairs[k]->evaluate(X, workspaces[k], {true}, frame.contacts[k]);
       if (estimateErrors) estimators[k].evaluate(workspaces[k], frame.errors[k]);
       ++result.statistics.contactEvaluations;

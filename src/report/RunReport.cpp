@@ -62,12 +62,6 @@ std::string makeFileName(std::string name) {
   return name.empty() ? "pair" : name;
 }
 
-contact::Pose calcJointPose(const Frame& frame) {
-  contact::JointCoordinates six{};
-  std::copy_n(frame.q.begin(), std::min<size_t>(6, frame.q.size()), six.begin());
-  return contact::calcPose(six);
-}
-
 // ---------------------------------------------------------------------------------------------------------------
 // Tables
 // ---------------------------------------------------------------------------------------------------------------
@@ -93,6 +87,19 @@ void writeMotion(OutputFolder& out, const Scene& scene, const Trajectory& trajec
                std::string(one ? "Pose of the moving body in the fixed body: " : "JOINT.rx to JOINT.z: pose of the child link in the joint's frame, ") +
                    "R = Rx(rx) Ry(ry) Rz(rz), position x, y, z.\n"
                    "Angles in deg, lengths in m, times in s; NAME_rate is the time derivative.");
+}
+
+/** One polyline per element; cell data: index of the element among those with a path. */
+VtkMesh makePathMesh(const std::vector<scene::ElementPath>& paths) {
+  VtkMesh mesh;
+  std::vector<std::int32_t> indices;
+  for (const auto& path : paths) {
+    for (const contact::Vec3& p : path.points_m) mesh.points.insert(mesh.points.end(), {p[0], p[1], p[2]});
+    mesh.lineEnds.push_back(static_cast<std::int32_t>(mesh.numPoints()));
+    indices.push_back(static_cast<std::int32_t>(indices.size()));
+  }
+  mesh.cellData.push_back({"element", 1, indices});
+  return mesh;
 }
 
 void writeElements(OutputFolder& out, const Scene& scene, const Trajectory& trajectory) {
@@ -234,7 +241,7 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
         break;
       }
       const Frame& frame = trajectory.frames[i];
-      const contact::Pose X_FM = info.calcPairPose ? info.calcPairPose(frame, p) : calcJointPose(frame);
+      const contact::Pose X_FM = info.calcPairPose ? info.calcPairPose(frame, p) : contact::calcPose(scene::takeSix(frame.q));
       pair.evaluate(X_FM, workspace, {}, result);
       const auto fields = pair.calcFields(workspace);
       if (info.maps) {

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fstream>
 #include <map>
+#include <numeric>
 #include <pugixml.hpp>
 #include <sstream>
 #include <stdexcept>
@@ -115,8 +116,15 @@ pugi::xml_node addArray(ArrayCollector& collector, pugi::xml_node parent, const 
 }  // namespace
 
 void writeVtp(const fs::path& file, const VtkMesh& mesh) {
-  std::vector<std::int32_t> offsets(mesh.numCells());
-  for (size_t i = 0; i < offsets.size(); ++i) offsets[i] = static_cast<std::int32_t>((i + 1)) * mesh.cornersPerCell;
+  const bool lines = !mesh.lineEnds.empty();
+  std::vector<std::int32_t> offsets = mesh.lineEnds, connectivity = mesh.connectivity;
+  if (lines) {
+    connectivity.resize(mesh.numPoints());
+    std::iota(connectivity.begin(), connectivity.end(), 0);
+  } else {
+    offsets.resize(mesh.numCells());
+    for (size_t i = 0; i < offsets.size(); ++i) offsets[i] = static_cast<std::int32_t>((i + 1)) * mesh.cornersPerCell;
+  }
 
   pugi::xml_document document;
   pugi::xml_node root = document.append_child("VTKFile");
@@ -137,18 +145,18 @@ void writeVtp(const fs::path& file, const VtkMesh& mesh) {
   pugi::xml_node piece = polyData.append_child("Piece");
   piece.append_attribute("NumberOfPoints") = static_cast<unsigned long long>(mesh.numPoints());
   piece.append_attribute("NumberOfVerts") = 0;
-  piece.append_attribute("NumberOfLines") = 0;
+  piece.append_attribute("NumberOfLines") = static_cast<unsigned long long>(lines ? mesh.numCells() : 0);
   piece.append_attribute("NumberOfStrips") = 0;
-  piece.append_attribute("NumberOfPolys") = static_cast<unsigned long long>(mesh.numCells());
+  piece.append_attribute("NumberOfPolys") = static_cast<unsigned long long>(lines ? 0 : mesh.numCells());
   pugi::xml_node pointData = piece.append_child("PointData");
   for (const auto& array : mesh.pointData) addArray(collector, pointData, array, mesh.numPoints());
   pugi::xml_node cellData = piece.append_child("CellData");
   for (const auto& array : mesh.cellData) addArray(collector, cellData, array, mesh.numCells());
   if (!mesh.cellData.empty()) cellData.append_attribute("Scalars") = mesh.cellData.front().name.c_str();
   collector.add(piece.append_child("Points"), "Float64", "Points", 3, mesh.points);
-  pugi::xml_node polys = piece.append_child("Polys");
-  collector.add(polys, "Int32", "connectivity", 1, mesh.connectivity);
-  collector.add(polys, "Int32", "offsets", 1, offsets);
+  pugi::xml_node cells = piece.append_child(lines ? "Lines" : "Polys");
+  collector.add(cells, "Int32", "connectivity", 1, connectivity);
+  collector.add(cells, "Int32", "offsets", 1, offsets);
 
   pugi::xml_node appended = root.append_child("AppendedData");
   appended.append_attribute("encoding") = "base64";

@@ -420,7 +420,7 @@ void implant() {
     std::printf("%sSkipped: the gait cycle gave no frame: %s\n", title, gait.statusText.c_str());
     return;
   }
-  std::vector<Row> rows(3, Row{"linear", scene.contacts[0].definition, "implant", frame->q});
+  std::vector<Row> rows(3, Row{"linear", scene.contacts[0].definition, "implant", genu::scene::takeSix(frame->q)});
   for (Row& row : rows) row.reach = 0.1;  // the implant is stiff and not round: 1 mm ahead it may not touch
   rows[1].name = "linear + stiffness";
   rows[1].options.withStiffness = true;

@@ -191,7 +191,7 @@ Case makeModel(const std::string& file, const std::string& name, int n) {
   if (result.status != model::StaticResult::Status::converged) throw std::runtime_error(result.statusText);
   Case c;
   c.name = name;
-  c.q = result.q;
+  c.q = scene::takeSix(result.q);
   c.onFixed = scene.contacts[0].definition;
   c.onFixed.fixedThickness.mapSamplesU = c.onFixed.fixedThickness.mapSamplesV = 129;  // used when it is the body without the grid
   c.onFixed.movingThickness.mapSamplesU = c.onFixed.movingThickness.mapSamplesV = 129;

@@ -38,7 +38,7 @@ scene::Scene read(const std::string& file, int n, contact::ContactRule rule = co
   return scene;
 }
 
-double coordinateDifference_mm(const contact::JointCoordinates& a, const contact::JointCoordinates& b) {
+double coordinateDifference_mm(const scene::Coordinates& a, const scene::Coordinates& b) {
   double largest = 0;
   for (size_t k = 0; k < 6; ++k) largest = std::max(largest, std::abs(a[k] - b[k]) * (k < 3 ? model::kAngleLength_m : 1) * 1e3);
   return largest;

@@ -210,7 +210,7 @@ TEST(GaitAnalysis, ReplayOnTheSameGridReturnsTheRunsContact) {
   const scene::Scene scene = shortGait(urdf.path());
   const GaitResult run = runGait(scene);
   std::vector<double> time;
-  std::vector<contact::JointCoordinates> q;
+  std::vector<scene::Coordinates> q;
   for (const scene::Frame& frame : run.frames) {
     time.push_back(frame.time_s);
     q.push_back(frame.q);
@@ -241,7 +241,7 @@ TEST(GaitAnalysis, ReplayEstimatesTheErrorsOfItsGridUnlessToldNotTo) {
   for (contact::CompartmentDefinition& part : coarse.contacts[0].definition.compartments) part.nx = part.nz = 12;
   for (contact::CompartmentDefinition& part : fine.contacts[0].definition.compartments) part.nx = part.nz = 120;
   std::vector<double> time;
-  std::vector<contact::JointCoordinates> q;
+  std::vector<scene::Coordinates> q;
   for (int i = 0; i < 40; ++i) {
     time.push_back(0.1 * i);
     q.push_back({0, 0, 0, 2e-5 * i, 35.95e-3 - 5e-6 * i, 1e-5 * i});
@@ -261,7 +261,7 @@ TEST(GaitAnalysis, ReplayEstimatesTheErrorsOfItsGridUnlessToldNotTo) {
 TEST(GaitAnalysis, ReplayChecksItsInputAndStopsWhenAsked) {
   scene::Scene scene = sphereScene("");
   scene.model.reset();
-  const std::vector<contact::JointCoordinates> q(3, {0, 0, 0, 0, 35.8e-3, 0});
+  const std::vector<scene::Coordinates> q(3, {0, 0, 0, 0, 35.8e-3, 0});
   EXPECT_THAT(messageOf<InputError>([&] { replay({0, 1}, q, scene); }), HasSubstr("2 times but 3 poses"));
   EXPECT_THAT(messageOf<InputError>([&] { replay({0, 1, std::nan("")}, q, scene); }), HasSubstr("frame 3"));
   const scene::Trajectory part = replay({0, 1, 2}, q, scene, [](double fraction) { return fraction < 0.5; });

@@ -31,7 +31,7 @@ StaticResult settle(scene::Scene scene, Method method) {
   return runStatic(scene);
 }
 
-double largestDifference(const contact::JointCoordinates& a, const contact::JointCoordinates& b) {
+double largestDifference(const scene::Coordinates& a, const scene::Coordinates& b) {
   double largest = 0;
   for (size_t i = 0; i < 6; ++i) largest = std::max(largest, (i < 3 ? kAngleLength_m : 1.0) * std::abs(a[i] - b[i]));
   return largest;

@@ -94,7 +94,7 @@ TEST_P(ShippedGait, StaysInsideItsSurfaces) {
   for (const scene::Frame& frame : result.frames) {
     SCOPED_TRACE(frame.time_s);
     expectSoundContact(findSides(scene, frame.contacts), artificial ? 0.03 : 0.5);
-    pairs[0]->evaluate(frame.q, workspace, {}, evaluated);
+    pairs[0]->evaluate(scene::takeSix(frame.q), workspace, {}, evaluated);
     const auto fields = pairs[0]->calcFields(workspace);
     for (size_t c = 0; c < fields.size(); ++c) {
       const auto& compartment = scene.contacts[0].definition.compartments[c];

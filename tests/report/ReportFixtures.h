@@ -110,7 +110,7 @@ inline scene::Trajectory makeTrajectory(const scene::Scene& scene, int count) {
     scene::Frame frame;
     frame.time_s = static_cast<double>(i) / (count - 1);
     frame.q = {0.01 * i, 0, -0.1, 0, 0.0358 + 0.0008 * std::pow(frame.time_s - 0.5, 2), 0};
-    for (const auto& pair : pairs) frame.contacts.push_back(pair->evaluate(frame.q));
+    for (const auto& pair : pairs) frame.contacts.push_back(pair->evaluate(scene::takeSix(frame.q)));
     trajectory.frames.push_back(frame);
   }
   trajectory.complete = true;

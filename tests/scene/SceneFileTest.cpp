@@ -502,7 +502,7 @@ TEST_F(ModelScene, ReadsEverything) {
   EXPECT_EQ(scene.loads[0].body, "femur");
   EXPECT_EQ(scene.loads[0].frame, "tibia");
   EXPECT_EQ(scene.loads[0].pointBody, "femur");
-  EXPECT_EQ(scene.loads[0].point_m[2], 0.0096);
+  EXPECT_EQ(std::get<double>(scene.loads[0].point_m[2]), 0.0096);
   EXPECT_EQ(std::get<double>(scene.loads[0].force_N[0]), 0);
   EXPECT_THAT(std::get<TimeSeries>(scene.loads[0].force_N[1]).value, ElementsAre(-686, -1372, -1029));
   ASSERT_EQ(scene.generalizedLoads.size(), 1u);

@@ -243,7 +243,7 @@ TEST_P(SettleKnee, OdeFindsThePoseOfGenuStatic) {
   Load load;
   for (size_t k = 0; k < 3; ++k) {
     load.force_F[static_cast<int>(k)] = std::get<double>(spec.force_N[k]);
-    load.point[static_cast<int>(k)] = spec.point_m[k];
+    load.point[static_cast<int>(k)] = std::get<double>(spec.point_m[k]);
   }
   load.onMoving = spec.pointBody == spec.body;
   Vec6 start{};

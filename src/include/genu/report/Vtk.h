@@ -22,10 +22,12 @@ struct VtkMesh {
   std::vector<double> points;              ///< x, y, z of each point [m]
   int cornersPerCell = 4;                  ///< 3 or 4
   std::vector<std::int32_t> connectivity;  ///< cornersPerCell point indices per cell
+  /** Not empty: cells are polylines through points in their order, the first ends before lineEnds[0], the next before lineEnds[1], ... */
+  std::vector<std::int32_t> lineEnds;
   std::vector<VtkArray> pointData, cellData, fieldData;
 
   size_t numPoints() const { return points.size() / 3; }
-  size_t numCells() const { return connectivity.size() / static_cast<size_t>(cornersPerCell); }
+  size_t numCells() const { return lineEnds.empty() ? connectivity.size() / static_cast<size_t>(cornersPerCell) : lineEnds.size(); }
 };
 
 /** Written to a temporary name and renamed. @throws InputError when the file cannot be written;

@@ -34,7 +34,7 @@ struct CoordinateLimits {
 struct FreeCoordinate {
   std::optional<double> start;  ///< rad or m; absent: found by closing the gap (y of a floating joint) or 0
   double damping = 0;           ///< viscous, N s/m or N m s/rad, acts in dynamic analyses
-  std::optional<CoordinateLimits> limits;
+  std::optional<CoordinateLimits> limits = {};
 };
 using CoordinateSpec = std::variant<PrescribedCoordinate, FreeCoordinate>;
 

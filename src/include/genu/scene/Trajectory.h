@@ -13,6 +13,11 @@ namespace genu::scene {
 /** Values of the model's coordinates, rad or m, in the order of listCoordinates. */
 using Coordinates = std::vector<double>;
 
+/** The six of a floating joint that begin at `first`. @pre there are so many */
+inline contact::JointCoordinates takeSix(const Coordinates& q, size_t first = 0) {
+  return {q.at(first), q.at(first + 1), q.at(first + 2), q.at(first + 3), q.at(first + 4), q.at(first + 5)};
+}
+
 /** What a run leaves behind: one frame per output time. SI. */
 struct Frame {
   double time_s = 0;
