@@ -168,8 +168,8 @@ struct Trial {
   double length;               // from P to Q, right to second order in the steps
 
   double calcSize() const { return std::max(std::abs(turn), std::abs(ahead)); }
-  /** Of a string: the second variation of its length is positive. */
-  bool isMinimum() const { return shortest && reach > 0; }
+  /** Of a string: the second variation of its length is not negative. It is 0 in a focus, as on the axis of a body of revolution. */
+  bool isMinimum(double tolerance) const { return shortest && reach > -tolerance * length; }
 
   /** Where Newton's step is too large it is cut. */
   Guess calcNext(double part = 1) const {
@@ -224,7 +224,7 @@ bool approach(const Problem& p, Guess guess, Trial& r, int& integrations) {
     guess = r.calcNext(size < kCoarseSize ? 1 : part);
     if (r.calcSize() < kCoarseSize) {
       r.guess = guess;
-      return r.isMinimum();
+      return r.isMinimum(kLeastReach);
     }
   }
   return false;
@@ -238,7 +238,7 @@ bool finish(const Problem& p, Guess guess, EllipsoidGeodesic& g, int& integratio
     if (!std::isfinite(r.calcSize())) return false;
     guess = r.calcNext();
     if (!(r.calcSize() < kFineSize)) continue;
-    if (!r.isMinimum()) return false;
+    if (!r.isMinimum(1e-9)) return false;
     const Start start = calcStart(p, guess.theta);
     const Vec3 bh = r.b.cwiseQuotient(p.D), th = r.t.cwiseQuotient(p.D);
     const double along = (r.left - r.turn * r.jacobi * bh.dot(th) / th.norm()) / th.norm();
