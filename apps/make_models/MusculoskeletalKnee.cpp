@@ -145,7 +145,8 @@ name: isometric quadriceps at 30 degrees of flexion
 
 )" << kHeader
       << R"(
-# Upright; hip, flexion and ankle are held, everything else finds its equilibrium.
+# Hip, flexion and ankle are held, everything else finds its equilibrium. With the hip at 30 degrees no muscle is shorter than
+# its tendon.
 
 )" << naturalKneeSurfaces("../natural_knee/", "../knee_with_ligaments/")
       << R"(
@@ -153,7 +154,7 @@ model:
   urdf: knee.urdf
   gravity: "0 m/s^2, -9.81 m/s^2, 0 m/s^2"
   joints:
-    hip: {angle: {prescribed: 0 deg}}
+    hip: {angle: {prescribed: 30 deg}}
     ankle: {angle: {prescribed: 0 deg}}
     tibiofemoral:
       rz: {prescribed: 30 deg}
@@ -185,7 +186,7 @@ name: leg extension against gravity
 
 )" << kHeader
       << R"(
-# Seated, hip at 60 degrees: the shank hangs from a knee at 60 degrees, until the quadriceps extend it.
+# Reclined, hip at 45 degrees: the shank hangs from a knee at 45 degrees, until the quadriceps extend it.
 
 )" << naturalKneeSurfaces("../natural_knee/", "../knee_with_ligaments/")
       << R"(
@@ -193,23 +194,23 @@ model:
   urdf: knee.urdf
   gravity: "0 m/s^2, -9.81 m/s^2, 0 m/s^2"
   joints:
-    hip: {angle: {prescribed: 60 deg}}
+    hip: {angle: {prescribed: 45 deg}}
     ankle: {angle: {prescribed: 0 deg}}
     # Damping: smith2019.osim (opensim-jam-org/jam-resources) for the patella, the same assumed for the tibia.
     tibiofemoral:
-      rz: {free: {start: 60 deg, damping: 0.1 N m s/rad}}
-      rx: {free: {start: 1.5 deg, damping: 0.1 N m s/rad}}
-      ry: {free: {start: -1.4 deg, damping: 0.1 N m s/rad}}
-      x: {free: {start: 29.5 mm, damping: 30 N s/m}}
-      y: {free: {start: -19.5 mm, damping: 30 N s/m}}
+      rz: {free: {start: 45 deg, damping: 0.1 N m s/rad}}
+      rx: {free: {start: 1.1 deg, damping: 0.1 N m s/rad}}
+      ry: {free: {start: -1.8 deg, damping: 0.1 N m s/rad}}
+      x: {free: {start: 22.6 mm, damping: 30 N s/m}}
+      y: {free: {start: -26.3 mm, damping: 30 N s/m}}
       z: {free: {start: 3.0 mm, damping: 30 N s/m}}
     patellofemoral:
-      rz: {free: {start: 54.8 deg, damping: 0.1 N m s/rad}}
-      rx: {free: {start: 2.1 deg, damping: 0.1 N m s/rad}}
+      rz: {free: {start: 39.9 deg, damping: 0.1 N m s/rad}}
+      rx: {free: {start: 0.2 deg, damping: 0.1 N m s/rad}}
       ry: {free: {start: -1 deg, damping: 0.1 N m s/rad}}
-      x: {free: {start: -27.7 mm, damping: 30 N s/m}}
-      y: {free: {start: -29.4 mm, damping: 30 N s/m}}
-      z: {free: {start: -3 mm, damping: 30 N s/m}}
+      x: {free: {start: -37.5 mm, damping: 30 N s/m}}
+      y: {free: {start: -24.2 mm, damping: 30 N s/m}}
+      z: {free: {start: -3.7 mm, damping: 30 N s/m}}
 
 )" << writeSoftTissue("{table: excitation.csv, column: quadriceps, unit: 1}", "0.01")
       << R"(
