@@ -128,22 +128,22 @@ name: natural knee with ligaments, flexion under 100 N of the quadriceps
 model:
   urdf: knee_natural.urdf
   joints:
-    # The femur in the tibia; flexion is -rz. Starts: contact and dynamic MRI near extension.
+    # The femur in the tibia; flexion is -rz. Starts: near the equilibrium.
     tibiofemoral:
       rz: {prescribed: {table: flexion.csv, column: rz_deg, unit: deg}}
-      rx: {free: {start: -0.8 deg}}
-      ry: {free: {start: 2 deg}}
-      x: {free: {start: 1.3 mm}}
-      y: {free: {start: 35.8 mm}}
-      z: {free: {start: -0.3 mm}}
+      rx: {free: {start: -0.6 deg}}
+      ry: {free: {start: 1.8 deg}}
+      x: {free: {start: 2 mm}}
+      y: {free: {start: 35.6 mm}}
+      z: {free: {start: -0.7 mm}}
     # The patella in the femur; flexion of the patella is +rz.
     patellofemoral:
-      rz: {free: {start: 8 deg}}
-      rx: {free: {start: -1.3 deg}}
-      ry: {free: {start: 0.6 deg}}
-      x: {free: {start: -53.6 mm}}
-      y: {free: {start: 6.7 mm}}
-      z: {free: {start: -7 mm}}
+      rz: {free: {start: 8.2 deg}}
+      rx: {free: {start: -2.2 deg}}
+      ry: {free: {start: 1 deg}}
+      x: {free: {start: -53.8 mm}}
+      y: {free: {start: 7.2 mm}}
+      z: {free: {start: -7.5 mm}}
 
 wraps:
 )" << writeWrap(findWrap("medial_tibia"))
@@ -246,6 +246,7 @@ contact:
     fixed: {body: tibia, surface: tibia_cartilage, thickness: {back: tibia_bone, along: normal, min: 0.3 mm}}
     moving: {body: femur, surface: femur_cartilage, thickness: {back: femur_bone, along: normal, min: 0.3 mm}}
     material: cartilage
+    strain: large
     element_plane: 0 mm
     compartments:
       medial: {rectangle: "-19 mm, 14 mm, 7 mm, 34 mm", grid: 20x15}
@@ -255,6 +256,7 @@ contact:
     fixed: {body: patella_contact, surface: patella, thickness: 2.19 mm}
     moving: {body: femur, surface: trochlea, thickness: 2.56 mm}
     material: cartilage
+    strain: large
     element_plane: 0 mm
     compartments:
       # x inferior, z medial.

@@ -158,20 +158,20 @@ model:
     ankle: {angle: {prescribed: 0 deg}}
     tibiofemoral:
       rz: {prescribed: 30 deg}
-      rx: {free: {start: 0.4 deg}}
-      ry: {free: {start: -0.8 deg}}
-      x: {free: {start: 15.9 mm}}
-      y: {free: {start: -30.6 mm}}
-      z: {free: {start: 2.3 mm}}
+      rx: {free: {start: -2.1 deg}}
+      ry: {free: {start: 11.6 deg}}
+      x: {free: {start: 9.8 mm}}
+      y: {free: {start: -32 mm}}
+      z: {free: {start: -1.2 mm}}
     patellofemoral:
-      rz: {free: {start: 27.2 deg}}
-      rx: {free: {start: -0.6 deg}}
-      ry: {free: {start: -1.2 deg}}
-      x: {free: {start: -46.1 mm}}
-      y: {free: {start: -13.7 mm}}
-      z: {free: {start: -5 mm}}
+      rz: {free: {start: 22.7 deg}}
+      rx: {free: {start: 0 deg}}
+      ry: {free: {start: -0.3 deg}}
+      x: {free: {start: -48.2 mm}}
+      y: {free: {start: -10.3 mm}}
+      z: {free: {start: -4.8 mm}}
 
-)" << writeSoftTissue("0.2", "0.02")
+)" << writeSoftTissue("0.1", "0.05")
       << R"(
 analysis:
   static: {method: newton}
@@ -199,18 +199,18 @@ model:
     # Damping: smith2019.osim (opensim-jam-org/jam-resources) for the patella, the same assumed for the tibia.
     tibiofemoral:
       rz: {free: {start: 45 deg, damping: 0.1 N m s/rad}}
-      rx: {free: {start: 1.1 deg, damping: 0.1 N m s/rad}}
-      ry: {free: {start: -1.8 deg, damping: 0.1 N m s/rad}}
-      x: {free: {start: 22.6 mm, damping: 30 N s/m}}
-      y: {free: {start: -26.3 mm, damping: 30 N s/m}}
-      z: {free: {start: 3.0 mm, damping: 30 N s/m}}
+      rx: {free: {start: 4.2 deg, damping: 0.1 N m s/rad}}
+      ry: {free: {start: -4.4 deg, damping: 0.1 N m s/rad}}
+      x: {free: {start: 23.5 mm, damping: 30 N s/m}}
+      y: {free: {start: -25.5 mm, damping: 30 N s/m}}
+      z: {free: {start: 0.5 mm, damping: 30 N s/m}}
     patellofemoral:
-      rz: {free: {start: 39.9 deg, damping: 0.1 N m s/rad}}
-      rx: {free: {start: 0.2 deg, damping: 0.1 N m s/rad}}
-      ry: {free: {start: -1 deg, damping: 0.1 N m s/rad}}
-      x: {free: {start: -37.5 mm, damping: 30 N s/m}}
-      y: {free: {start: -24.2 mm, damping: 30 N s/m}}
-      z: {free: {start: -3.7 mm, damping: 30 N s/m}}
+      rz: {free: {start: 40 deg, damping: 0.1 N m s/rad}}
+      rx: {free: {start: 0.9 deg, damping: 0.1 N m s/rad}}
+      ry: {free: {start: 0.6 deg, damping: 0.1 N m s/rad}}
+      x: {free: {start: -37 mm, damping: 30 N s/m}}
+      y: {free: {start: -24.6 mm, damping: 30 N s/m}}
+      z: {free: {start: -4.6 mm, damping: 30 N s/m}}
 
 )" << writeSoftTissue("{table: excitation.csv, column: quadriceps, unit: 1}", "0.01")
       << R"(
