@@ -28,10 +28,11 @@ const Vec3 kShankInTibia(6, 0, 0);                      // tibia_r in tibia_prox
 // points.
 constexpr double kTibialOrigin = 35;
 
-// Hip in the pelvis and ankle in the shank: Rajagopal2016.osim (opensim-org/opensim-models) has (-56.28, -78.49, 77.26)
-// and (-10, -400, 0). The source's muscle points are those of the generic model times 1.196 in x and z and 1.060 in y
-// on the pelvis (biceps -104, -119.1, 58.6 to -124.4, -126.3, 70.1; rectus alike) and times 1.0083 on shank and foot.
-// The ankle's figures and that of the calcaneus were not read for this knee: assumed.
+// Hip in the pelvis and ankle in the shank were not read for this leg. Generic leg: (-56.28, -78.49, 77.26), read in a
+// public OpenSim program's hip joint, and (-10, -400, 0), recalled, unverified; that both are the figures of
+// Rajagopal2016.osim (opensim-org/opensim-models) is recalled too. Scale: the source's muscle points are those of that
+// model times 1.196 in x and z and 1.060 in y on the pelvis (biceps -104, -119.1, 58.6 to -124.4, -126.3, 70.1; rectus
+// alike), and 1.0083 is the source's scale of the talus and of its points on shank and foot.
 const Vec3 kHipInPelvis(-56.28 * 1.196, -78.49 * 1.060, 77.26 * 1.196);
 const Vec3 kAnkleInShank(-10 * 1.0083, -400 * 1.0083, 0);
 // calcn_r in talus_r, whose origin is the ankle (fmoissenet/MSK_Delp_U_Ankle, Main_Set_Geometry_Delp.m).

@@ -10,8 +10,10 @@ namespace {
 
 // Masses: thigh and shank of the woman of 62 kg whose knee it is (lenhart2015.osim, opensim-jam-org/jam-resources);
 // foot: talus, calcaneus and toes of Rajagopal2016.osim (opensim-org/opensim-models, 75.3 kg) as one body times 62
-// / 75.3, its center 63.6 anterior, 14.8 inferior and 5.1 lateral of the ankle [mm]; patella: Rajagopal2016.osim.
-const Vec3 kThighCenter(0, -150.035, 0), kShankCenter(0, -173.133, 0), kFootCenter(-63.6, -14.8, -5.1);
+// / 75.3, its center 63.4 anterior, 14.8 inferior and 5.1 lateral of the ankle [mm], worked out with the offsets of
+// calcaneus
+// (-48.77, -41.95, 7.92) and toes (176.8, -2, 1.08) of fmoissenet/MSK_Delp_U_Ankle; patella: Rajagopal2016.osim.
+const Vec3 kThighCenter(0, -150.035, 0), kShankCenter(0, -173.133, 0), kFootCenter(-63.4, -14.8, -5.1);
 
 std::string makeUrdf() {
   std::ostringstream out;
@@ -78,7 +80,7 @@ std::string makeUrdf() {
       <origin xyz=")"
       << writeVector_m(kFootCenter) << R"("/>
       <mass value="1.29"/>
-      <inertia ixx="0.0023" ixy="0" ixz="0" iyy="0.0072" iyz="0" izz="0.0074"/>
+      <inertia ixx="0.0022" ixy="0" ixz="0" iyy="0.0072" iyz="0" izz="0.0074"/>
     </inertial>
   </link>
   <joint name="ankle" type="revolute">

@@ -51,14 +51,16 @@ Section calcTrochleaSection(double zeta) {
 const PatellofemoralDimensions& patellofemoralDimensions() {
   // The groove is circular about an axis along z: its radius is 23 (SD 4) mm (Iranpour et al. 2010, Clin Orthop Relat
   // Res 468:782; figure in J Bone Joint Surg Br 92-B Supp II 321). Center: that of the cylinder about which the knee
-  // extensors run in the source of the ligaments, 14.8 anterior and 6.87 superior; published for 50 knees: 12.3
-  // anterior and 7.2 superior of the center of the condyle's ellipse (doi 10.1002/ca.23395). Radius 24: the cartilage
-  // of the natural knee's source is 68.9 deep, so that it ends 45.6 anterior; a groove at 14.8 + 24 = 38.8 is 5 to 7
-  // below that. Patella: half of the bone's 20.1 and the 4.0 of its thickest cartilage lie behind its origin. In the
-  // source's reference pose that origin is (53.0, 5.0, 4.0) anterior, superior, lateral of the femur's (from the
-  // published strains and slack lengths of the 20 fibres of the patella, to 0.01 mm): its ridge is then at 38.95, 0.15
-  // off the groove. The thickest point is 54 % of the width from the lateral border (acemap 104926369), 1.7 medial of
-  // the middle; the groove lies where the ridge then is, 4.0 - 1.7 lateral of the femur's origin.
+  // extensors run in the source of the ligaments, 14.8 anterior and 6.87 superior; 50 knees: 12.3 and 7.2 between
+  // trochlea and condyle (doi 10.1002/ca.23395, abstract; read here as the distance of the centers). Patella: half of
+  // the bone's 20.1 and the 4.0 of its thickest cartilage lie behind its origin (that the origin is in the middle of
+  // the bone: assumed). In the source's reference pose the origin is (53.0, 5.0, 4.0) anterior, superior, lateral of
+  // the femur's; this follows from the published strains and slack lengths of the 20 fibres of the patella, which leave
+  // residuals of 0.01 mm. Its ridge is then at 38.95.
+  // Radius 24, chosen within the published spread so that the groove (38.8) all but touches that ridge. The cartilage
+  // of the natural knee's source, 68.9 deep, ends 45.6 anterior, 7 above this groove. The thickest point is 54 % of the
+  // width from the lateral border (acemap 104926369), 1.7 medial of the middle; the groove is put where the ridge then
+  // is, 4.0 - 1.7 lateral of the femur's origin.
   static const PatellofemoralDimensions dimensions{{-14.8, 6.87}, 24, -2.3, 20.1 / 2 + 4.0, 1.7};
   return dimensions;
 }
