@@ -23,9 +23,9 @@ constexpr double kFlankEnd = 16, kRidgeRadius = 12, kTrochleaHalfWidth = 25;
 constexpr double kSuperiorEnd = -135 * kDegree, kDistalEnd = 20 * kDegree;
 
 // Articular face: 34.4 x 42.9 is the bone, its area 1343 mm^2 (natural knee's source); here a rectangle. From top to
-// bottom it is convex, of a radius that was not found. With 60 the patella flexes 0.70 degrees per degree of knee
-// flexion (worked out for 300 N of the quadriceps, 0 to 60 degrees); healthy knees in gait 0.71 (Gray et al. 2019,
-// doi 10.1002/jor.24226).
+// bottom it is convex, of a radius that was not found; 60 was chosen, of 35, 60 and straight, by its motion: the
+// patella flexes 0.70 degrees per degree of knee flexion (worked out for 300 N of the quadriceps, 0 to 60 degrees);
+// healthy knees in gait 0.71 (Gray et al. 2019, doi 10.1002/jor.24226).
 constexpr double kPatellaHalfHeight = 15, kLateralFacet = 20, kMedialFacet = 17, kPatellaSagittalRadius = 60;
 
 struct Section {
