@@ -76,8 +76,6 @@ void Flow::step(double H) {
   }
 }
 
-constexpr double kLongestStep = 0.8;  // in 1/sqrt(largest of A): the shortest half axis is 1
-
 /** Lengths over the shortest half axis. Hatted vectors are divided by the half axes: there the ellipsoid is the unit sphere. */
 struct Problem {
   Vec3 D;              // half axes
@@ -136,8 +134,8 @@ Start calcStart(const Problem& p, double theta) {
 }
 
 /** @return whether no conjugate point was passed: the geodesic is a locally shortest one */
-bool run(Flow& flow, double duration) {
-  const int steps = std::max(1, int(std::ceil(duration / kLongestStep)));
+bool run(Flow& flow, double duration, double longestStep) {
+  const int steps = std::max(1, int(std::ceil(duration / longestStep)));
   bool shortest = true;
   for (int i = 0; i < steps; ++i) {
     flow.step(duration / steps);
@@ -146,72 +144,118 @@ bool run(Flow& flow, double duration) {
   return shortest;
 }
 
-struct End {
-  Vec3 x, t, b;
-  double arc, h;
-  double jacobi, jacobiSlope;  // displacement along b, and its rate along the arc, per angle of the tangent at P
-};
-
-End calcEnd(const Problem& p, const Start& s, const Flow& flow) {
-  End e;
-  const Vec3 q(flow.y[0], flow.y[1], flow.y[2]), qDot(flow.v[0], flow.v[1], flow.v[2]);
-  const Vec3 Dq = p.D.cwiseProduct(q), DqDot = p.D.cwiseProduct(qDot);
-  e.h = Dq.norm();
-  const double hDot = Dq.dot(DqDot) / e.h;
-  e.x = p.D.cwiseProduct(Dq) / e.h;
-  e.t = p.D.cwiseProduct(DqDot - Dq * (hDot / e.h)).normalized();
-  e.b = q.cross(e.t).normalized();
-  e.arc = flow.y[4] / (e.h * s.rootF);
-  e.jacobi = flow.y[3] / e.h;
-  e.jacobiSlope = (flow.v[3] - e.jacobi * hDot) * e.h * s.rootF;
-  return e;
-}
+constexpr double kCoarseStep = 1.0, kFineStep = 0.25;  // where the shortest half axis is 1
+constexpr double kNotLonger = 1.03;  // than the shortest string in a plane, with the error of its quadrature
+constexpr double kSecondWay = 1.5, kTie = 1e-2;  // how much longer another way may seem and still be tried
+constexpr double kLeastReach = 1e-3;  // over the length
+constexpr double kCoarseSize = 1e-3, kFineSize = 1e-7;
 
 struct Guess {
   double theta, duration;
 };
 
-constexpr int kMaxIntegrations = 25;
+/** A geodesic from the tangent at P, and what is missing for its end to be that of a string to Q. */
+struct Trial {
+  Guess guess;
+  Start start;
+  Vec3 x, t, b;                // the end, its tangent and the one across
+  double h;
+  double jacobi, jacobiSlope;  // displacement along b, and its rate along the arc, per angle of the tangent at P
+  bool shortest;
+  double miss, reach;          // how far the end's tangent passes Q by, along b, and how that changes with the angle at P
+  double left;                 // angle on the unit sphere to the place whose tangent goes through Q, where it is that of tangency
+  double turn, ahead;          // Newton's step: angle at P, and along the geodesic on the unit sphere
+  double length;               // from P to Q, right to second order in the steps
 
-/** Newton's method for theta and the duration, so that the tangent at the end points at Q. */
-bool solve(const Problem& p, Guess guess, EllipsoidGeodesic& r, double longest) {
-  const double angleQ = std::atan2(p.sinQ, p.cosQ);
-  double last = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kMaxIntegrations; ++k) {
-    const Start s = calcStart(p, guess.theta);
-    Flow flow = s.flow;
-    const bool shortest = run(flow, guess.duration);
-    const End e = calcEnd(p, s, flow);
-    ++r.integrations;
-    // Across: Q seen from the tangent. Along: the angle that is left to the place whose tangent goes through Q, where it is that of tangency.
-    const Vec3 toQ = p.Q - e.x, th = e.t.cwiseQuotient(p.D).normalized();
-    const double left = std::atan2(th.dot(p.uQ), e.x.cwiseQuotient(p.D).dot(p.uQ)) - angleQ;
-    const double freeQ = std::max(0.0, toQ.dot(e.t)), miss = toQ.dot(e.b);
-    const double reach = e.jacobi + freeQ * e.jacobiSlope;
-    if (!std::isfinite(miss) || !std::isfinite(left) || !std::isfinite(reach)) return false;
-    const double floor = 0.05 * (e.arc + s.free + freeQ);
-    const double turn = miss / std::max(std::abs(reach), floor);
-    const Vec3 moved = e.jacobi * e.b + s.shift * e.t;
-    const double ahead = left - moved.cwiseQuotient(p.D).dot(th) * turn;
-    const double size = std::max(std::abs(turn), std::abs(ahead));
-    if (size < 1e-12 || (size < 1e-9 && size >= last)) {
-      if (!shortest || !(reach > 0) || !(guess.duration >= 0)) return false;
-      r.freeP_m = s.free;
-      r.arc_m = e.arc;
-      r.freeQ_m = p.sinQ / p.cosQ * p.D.cwiseProduct(th).norm();
-      if (!(r.freeP_m + r.arc_m + r.freeQ_m <= longest)) return false;
-      r.tangentP_m = s.x;
-      r.tangentQ_m = e.x;
-      r.directionP = s.t;
-      r.directionQ = e.t;
-      r.theta = guess.theta;
-      r.duration = guess.duration;
-      r.converged = true;
-      return true;
-    }
+  double calcSize() const { return std::max(std::abs(turn), std::abs(ahead)); }
+  /** Of a string: the second variation of its length is not negative. It is 0 in a focus, as on the axis of a body of revolution. */
+  bool isMinimum(double tolerance) const { return shortest && reach > -tolerance * length; }
+
+  /** Where Newton's step is too large it is cut. */
+  Guess calcNext(double part = 1) const {
+    return {guess.theta + part * std::clamp(turn / start.turnByTheta, -0.5, 0.5),
+            std::max(0.0, guess.duration + part * std::clamp(h * ahead, -1.0, 1.0))};
+  }
+};
+
+void setEnd(const Problem& p, const Flow& flow, Trial& r) {
+  const Vec3 q(flow.y[0], flow.y[1], flow.y[2]), qDot(flow.v[0], flow.v[1], flow.v[2]);
+  const Vec3 Dq = p.D.cwiseProduct(q), DqDot = p.D.cwiseProduct(qDot);
+  const double h = Dq.norm(), hDot = Dq.dot(DqDot) / h;
+  r.h = h;
+  r.x = p.D.cwiseProduct(Dq) / h;
+  r.t = p.D.cwiseProduct(DqDot - Dq * (hDot / h)).normalized();
+  r.b = q.cross(r.t).normalized();
+  r.jacobi = flow.y[3] / h;
+  r.jacobiSlope = (flow.v[3] - r.jacobi * hDot) * h * r.start.rootF;
+
+  const Vec3 toQ = p.Q - r.x, th = r.t.cwiseQuotient(p.D).normalized();
+  const double arc = flow.y[4] / (h * r.start.rootF), freeQ = std::max(0.0, toQ.dot(r.t));
+  r.length = r.start.free + arc + toQ.dot(r.t);
+  r.miss = toQ.dot(r.b);
+  r.reach = r.jacobi + freeQ * r.jacobiSlope;
+  r.left = std::atan2(th.dot(p.uQ), r.x.cwiseQuotient(p.D).dot(p.uQ)) - std::atan2(p.sinQ, p.cosQ);
+  // A small or negative reach, near or behind a focus, is replaced: the step then still shortens the string.
+  r.turn = r.miss / std::max(std::abs(r.reach), kLeastReach * r.length);
+  const Vec3 moved = r.jacobi * r.b + r.start.shift * r.t;
+  r.ahead = r.left - moved.cwiseQuotient(p.D).dot(th) * r.turn;
+}
+
+Trial calcTrial(const Problem& p, const Guess& guess, double longestStep) {
+  Trial r;
+  r.guess = guess;
+  r.start = calcStart(p, guess.theta);
+  Flow flow = r.start.flow;
+  r.shortest = run(flow, guess.duration, longestStep);
+  setEnd(p, flow, r);
+  return r;
+}
+
+/** Newton's method with long steps of the flow; it goes part of its way only while the steps do not become smaller. */
+bool approach(const Problem& p, Guess guess, Trial& r, int& integrations) {
+  double part = 1, last = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < 24; ++k) {
+    r = calcTrial(p, guess, kCoarseStep);
+    ++integrations;
+    const double size = r.calcSize();
+    if (!std::isfinite(size)) return false;
+    part = size < 0.8 * last ? std::min(1.0, 2 * part) : std::max(0.25, 0.5 * part);
     last = size;
-    guess.theta += std::clamp(turn / s.turnByTheta, -0.5, 0.5);
-    guess.duration = std::max(0.0, guess.duration + std::clamp(e.h * ahead, -1.0, 1.0));
+    guess = r.calcNext(size < kCoarseSize ? 1 : part);
+    if (r.calcSize() < kCoarseSize) {
+      r.guess = guess;
+      return r.isMinimum(kLeastReach);
+    }
+  }
+  return false;
+}
+
+/** Newton's method with short steps; the last one is applied to the result itself. */
+bool finish(const Problem& p, Guess guess, EllipsoidGeodesic& g, int& integrations) {
+  for (int k = 0; k < 12; ++k) {
+    const Trial r = calcTrial(p, guess, kFineStep);
+    ++integrations;
+    if (!std::isfinite(r.calcSize())) return false;
+    guess = r.calcNext();
+    if (!(r.calcSize() < kFineSize)) continue;
+    if (!r.isMinimum(1e-9)) return false;
+    const Start start = calcStart(p, guess.theta);
+    const Vec3 bh = r.b.cwiseQuotient(p.D), th = r.t.cwiseQuotient(p.D);
+    const double along = (r.left - r.turn * r.jacobi * bh.dot(th) / th.norm()) / th.norm();
+    const Vec3 xh = (r.x + r.turn * r.jacobi * r.b + along * r.t).cwiseQuotient(p.D).normalized();
+    const Vec3 n = xh.cwiseQuotient(p.D).normalized();
+    g.tangentP_m = start.x;
+    g.directionP = start.t;
+    g.tangentQ_m = p.D.cwiseProduct(xh);
+    g.directionQ = r.t + r.turn * r.jacobiSlope * r.b;
+    g.directionQ = (g.directionQ - n.dot(g.directionQ) * n).normalized();
+    g.freeP_m = start.free;
+    g.freeQ_m = p.sinQ / p.cosQ / g.directionQ.cwiseQuotient(p.D).norm();
+    g.arc_m = std::max(0.0, r.length - g.freeP_m - g.freeQ_m);
+    g.theta = guess.theta;
+    g.duration = guess.duration;
+    g.converged = true;
+    return true;
   }
   return false;
 }
@@ -285,7 +329,80 @@ struct Planes {
   }
 };
 
+/** Duration to the first place whose tangent plane goes through Q, by steps and then Newton's method; < 0 if there is none. */
+double findDuration(const Problem& p, double theta) {
+  Trial r;
+  r.start = calcStart(p, theta);
+  Flow flow = r.start.flow;
+  double duration = 0;
+  setEnd(p, flow, r);
+  while (r.left > 0) {
+    if (duration > 60) return -1;
+    flow.step(0.5);
+    duration += 0.5;
+    setEnd(p, flow, r);
+  }
+  for (int k = 0; k < 3 && duration > 0; ++k) {
+    const double step = std::clamp(r.h * r.left, -1.0, 1.0);
+    flow.step(step);
+    duration += step;
+    setEnd(p, flow, r);
+  }
+  return std::max(0.0, duration);
+}
+
+double calcLength(const EllipsoidGeodesic& g) { return g.freeP_m + g.arc_m + g.freeQ_m; }
+
+void scale(EllipsoidGeodesic& g, double unit_m) {
+  for (double* length : {&g.freeP_m, &g.arc_m, &g.freeQ_m}) *length *= unit_m;
+  g.tangentP_m *= unit_m;
+  g.tangentQ_m *= unit_m;
+}
+
+EllipsoidGeodesic searchCurveOfTangency(const Problem& p) {
+  constexpr int kStarts = 64;
+  EllipsoidGeodesic best;
+  int integrations = 0;
+  const auto calcMiss = [&](double theta, Guess& guess) {
+    guess = {theta, findDuration(p, theta)};
+    ++integrations;
+    return guess.duration < 0 ? 0 : calcTrial(p, guess, kCoarseStep).miss;
+  };
+  Guess guess, before;
+  double missBefore = calcMiss(0, before);
+  for (int k = 1; k <= kStarts; ++k) {
+    const double miss = calcMiss(2 * kPi * k / kStarts, guess);
+    // theta turns to the left, b points there: a minimum is missed on the right before and on the left after.
+    if (missBefore * miss <= 0) {
+      Guess low = before, high = guess, middle = guess;
+      double missLow = missBefore, missMiddle;
+      for (int i = 0; i < 6; ++i) {
+        missMiddle = calcMiss(0.5 * (low.theta + high.theta), middle);
+        (missMiddle * missLow > 0 ? low : high) = middle;
+        if (missMiddle * missLow > 0) missLow = missMiddle;
+      }
+      Trial trial;
+      EllipsoidGeodesic found;
+      if (middle.duration >= 0 && approach(p, middle, trial, integrations) && finish(p, trial.guess, found, integrations) &&
+          (!best.converged || calcLength(found) < calcLength(best))) {
+        best = found;
+      }
+    }
+    before = guess;
+    missBefore = miss;
+  }
+  best.integrations = integrations;
+  return best;
+}
+
 }  // namespace
+
+EllipsoidGeodesic searchGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m) {
+  const double unit_m = halfAxes_m.minCoeff();
+  EllipsoidGeodesic g = searchCurveOfTangency(Problem(halfAxes_m, p_P_m, p_Q_m, unit_m));
+  scale(g, unit_m);
+  return g;
+}
 
 EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m) {
   const double unit_m = halfAxes_m.minCoeff();
@@ -294,48 +411,51 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
   constexpr int kPlanes = 16;
   std::array<Planes::String, kPlanes> strings;
   for (int i = 0; i < kPlanes; ++i) strings[i] = planes.calcString(2 * kPi * i / kPlanes);
-  int best = -1, second = -1;
+  std::array<int, 2> ways = {-1, -1};  // the two shortest of the locally shortest
   for (int i = 0; i < kPlanes; ++i) {
     const double length = strings[i].length;
     if (length > strings[(i + 1) % kPlanes].length || length >= strings[(i + kPlanes - 1) % kPlanes].length) continue;
-    if (best < 0 || length < strings[best].length) {
-      second = best;
-      best = i;
-    } else if (second < 0 || length < strings[second].length) {
-      second = i;
+    if (ways[0] < 0 || length < strings[ways[0]].length) {
+      ways[1] = ways[0];
+      ways[0] = i;
+    } else if (ways[1] < 0 || length < strings[ways[1]].length) {
+      ways[1] = i;
     }
   }
   EllipsoidGeodesic result;
-  if (best < 0) best = 0;
   int integrations = 0;
-  for (const int i : {best, second}) {
-    if (i < 0 || (i == second && result.converged && strings[second].length > 1.25 * strings[best].length)) continue;
+  std::array<Trial, 2> trials;
+  std::array<bool, 2> found = {false, false};
+  for (int k = 0; k < 2; ++k) {
+    const int i = ways[k];
+    if (i < 0 || (k == 1 && found[0] && strings[i].length > kSecondWay * strings[ways[0]].length)) continue;
     // The minimum of the parabola through three planes.
     const double before = strings[(i + kPlanes - 1) % kPlanes].length, at = strings[i].length, after = strings[(i + 1) % kPlanes].length;
     const double bend = before - 2 * at + after;
     const double turn = 2 * kPi / kPlanes * (i + (bend > 0 ? 0.5 * (before - after) / bend : 0));
     const Planes::String refined = planes.calcString(turn);
     const Planes::String& start = refined.length < at ? refined : strings[i];
-    EllipsoidGeodesic candidate;
-    solve(problem, planes.calcGuess(start), candidate, 1.2 * start.length);
-    integrations += candidate.integrations;
-    const auto length = [](const EllipsoidGeodesic& g) { return g.freeP_m + g.arc_m + g.freeQ_m; };
-    if (candidate.converged && (!result.converged || length(candidate) < length(result))) result = candidate;
+    found[k] = approach(problem, planes.calcGuess(start), trials[k], integrations) &&
+               trials[k].length <= kNotLonger * strings[ways[0]].length;
   }
-  result.integrations = integrations;
-  for (double* length : {&result.freeP_m, &result.arc_m, &result.freeQ_m}) *length *= unit_m;
-  result.tangentP_m *= unit_m;
-  result.tangentQ_m *= unit_m;
+  for (int k = 0; k < 2; ++k) {
+    if (!found[k] || (found[1 - k] && trials[k].length > (1 + kTie) * trials[1 - k].length)) continue;
+    EllipsoidGeodesic candidate;
+    if (finish(problem, trials[k].guess, candidate, integrations) &&
+        (!result.converged || calcLength(candidate) < calcLength(result))) {
+      result = candidate;
+    }
+  }
+  if (!result.converged) result = searchCurveOfTangency(problem);
+  result.integrations += integrations;
+  scale(result, unit_m);
   return result;
 }
 
 Vec3 calcPointOnGeodesic_m(const EllipsoidGeodesic& geodesic, const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m, double part) {
   const double unit_m = halfAxes_m.minCoeff();
   const Problem problem(halfAxes_m, p_P_m, p_Q_m, unit_m);
-  const Start start = calcStart(problem, geodesic.theta);
-  Flow flow = start.flow;
-  run(flow, part * geodesic.duration);
-  return calcEnd(problem, start, flow).x * unit_m;
+  return calcTrial(problem, {geodesic.theta, part * geodesic.duration}, kFineStep).x * unit_m;
 }
 
 }  // namespace genu::musculoskeletal

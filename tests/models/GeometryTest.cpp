@@ -212,5 +212,46 @@ TEST_P(Side, FemoralCartilageHasThePublishedRadiiAndThickness) {
   EXPECT_NEAR(largest / kMm, medial() ? 3.38 : 3.04, 0.06);
 }
 
+/** The groove is a circle of 24 mm about (-14.8, 6.87); 14 mm off it the flanks have the published slopes: 20.2 degrees
+ lateral and 13.7 medial, less what the valley's rounding leaves there, 14 / sqrt(14^2 + 5^2). Fits are good to 0.3 um;
+ slopes between points 4 mm apart to 1e-4. */
+TEST(PatellofemoralJoint, TrochleaHasThePublishedSulcus) {
+  const NurbsPatch patch = readPatches(modelFolder() / "knee_with_ligaments/trochlea.json").at("trochlea");
+  const Vec2 center(-14.8, 6.87);
+  const double grooveZ = -2.3;
+  const auto height = [&](double u, double zeta) {
+    // z is linear in v, up to the fit.
+    const Vec3 p = patch.calcPoint(u, zeta) / kMm;
+    EXPECT_NEAR(p.z(), grooveZ + zeta, 1e-3);
+    return (p.head<2>() - center).norm();
+  };
+  for (const double degrees : {-120.0, -90.0, -45.0, 0.0}) {
+    const double u = degrees * kDegree, rounding = 14 / std::hypot(14, 5);
+    EXPECT_NEAR(height(u, 0), 24, 1e-3);
+    EXPECT_NEAR((height(u, -15) - height(u, -13)) / 2, std::tan(20.2 * kDegree) * rounding, 1e-3);
+    EXPECT_NEAR((height(u, 15) - height(u, 13)) / 2, std::tan(13.7 * kDegree) * rounding, 1e-3);
+    const Vec3 normal = patch.calcNormal(u, 0);
+    EXPECT_NEAR((normal - Vec3(std::sin(u), -std::cos(u), 0)).norm(), 0, 1e-3);
+  }
+}
+
+/** In the reference pose of the ligaments' source the patella's origin is 53.0 anterior of the femur's and 5.0 above
+ it: the ridge then all but touches the groove. Across, patella and trochlea have one section. */
+TEST(PatellofemoralJoint, PatellaFitsTheTrochlea) {
+  const NurbsPatch trochlea = readPatches(modelFolder() / "knee_with_ligaments/trochlea.json").at("trochlea");
+  const NurbsPatch patella = readPatches(modelFolder() / "knee_with_ligaments/patella.json").at("patella");
+  const contact::ContactSurface femur({trochlea});
+  // Patella_contact to femur: x inferior, y posterior, z medial.
+  const auto toFemur = [](const Vec3& p) { return Vec3(p.y() - 53.0 * kMm, 5.0 * kMm - p.x(), p.z() - 4.0 * kMm); };
+  for (const double zeta : {-16.0, -8.0, 0.0, 7.0, 14.0}) {
+    // 1.87 below the patella's middle is level with the groove's center: gap 0.15 and the patella's sagitta there.
+    const Vec3 p = patella.calcPoint(zeta, -1.87);
+    EXPECT_NEAR(p.z() / kMm, 1.7 + zeta, 1e-3);
+    const contact::ClosestPoint foot = femur.findClosestPoint(toFemur(p));
+    EXPECT_NEAR(foot.distance_m / kMm, 0.18, 0.03) << zeta;
+    EXPECT_GT(patella.calcNormal(zeta, -1.87).y(), 0.9);
+  }
+}
+
 }  // namespace
 }  // namespace genu::models_test
