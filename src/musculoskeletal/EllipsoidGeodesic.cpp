@@ -260,6 +260,8 @@ bool finish(const Problem& p, Guess guess, EllipsoidGeodesic& g, int& integratio
   return false;
 }
 
+constexpr int kPlanes = 16;
+
 /** Taut strings in the planes through P and Q: each cuts the unit sphere in a circle. The first way: the plane through the centre, on the
  side away from it; others turn about the line PQ. */
 struct Planes {
@@ -329,6 +331,8 @@ struct Planes {
   }
 };
 
+constexpr double kLongestDuration = 25;  // half a turn of an ellipsoid of 100:1 takes 2 ln(400) = 12
+
 /** Duration to the first place whose tangent plane goes through Q, by steps and then Newton's method; < 0 if there is none. */
 double findDuration(const Problem& p, double theta) {
   Trial r;
@@ -336,8 +340,8 @@ double findDuration(const Problem& p, double theta) {
   Flow flow = r.start.flow;
   double duration = 0;
   setEnd(p, flow, r);
-  while (r.left > 0) {
-    if (duration > 60) return -1;
+  while (!(r.left <= 0)) {
+    if (!(duration < kLongestDuration)) return -1;
     flow.step(0.5);
     duration += 0.5;
     setEnd(p, flow, r);
@@ -348,7 +352,7 @@ double findDuration(const Problem& p, double theta) {
     duration += step;
     setEnd(p, flow, r);
   }
-  return std::max(0.0, duration);
+  return std::isfinite(duration) ? std::max(0.0, duration) : -1;
 }
 
 double calcLength(const EllipsoidGeodesic& g) { return g.freeP_m + g.arc_m + g.freeQ_m; }
@@ -359,34 +363,39 @@ void scale(EllipsoidGeodesic& g, double unit_m) {
   g.tangentQ_m *= unit_m;
 }
 
-EllipsoidGeodesic searchCurveOfTangency(const Problem& p) {
-  constexpr int kStarts = 64;
+/** The shortest of what Newton finds from all planes and from all changes of sign of the miss along the curve of tangency of P. */
+EllipsoidGeodesic search(const Problem& p) {
   EllipsoidGeodesic best;
   int integrations = 0;
+  const auto tryGuess = [&](const Guess& guess) {
+    Trial trial;
+    EllipsoidGeodesic found;
+    if (approach(p, guess, trial, integrations) && finish(p, trial.guess, found, integrations) &&
+        (!best.converged || calcLength(found) < calcLength(best))) {
+      best = found;
+    }
+  };
+  const Planes planes(p);
+  for (int i = 0; i < kPlanes; ++i) tryGuess(planes.calcGuess(planes.calcString(2 * kPi * i / kPlanes)));
+
+  constexpr int kStarts = 64;
+  const double kNone = std::numeric_limits<double>::quiet_NaN();
   const auto calcMiss = [&](double theta, Guess& guess) {
     guess = {theta, findDuration(p, theta)};
     ++integrations;
-    return guess.duration < 0 ? 0 : calcTrial(p, guess, kCoarseStep).miss;
+    return guess.duration < 0 ? kNone : calcTrial(p, guess, kCoarseStep).miss;
   };
   Guess guess, before;
   double missBefore = calcMiss(0, before);
   for (int k = 1; k <= kStarts; ++k) {
     const double miss = calcMiss(2 * kPi * k / kStarts, guess);
-    // theta turns to the left, b points there: a minimum is missed on the right before and on the left after.
     if (missBefore * miss <= 0) {
       Guess low = before, high = guess, middle = guess;
-      double missLow = missBefore, missMiddle;
       for (int i = 0; i < 6; ++i) {
-        missMiddle = calcMiss(0.5 * (low.theta + high.theta), middle);
-        (missMiddle * missLow > 0 ? low : high) = middle;
-        if (missMiddle * missLow > 0) missLow = missMiddle;
+        const bool sameSide = calcMiss(0.5 * (low.theta + high.theta), middle) * missBefore > 0;
+        (sameSide ? low : high) = middle;
       }
-      Trial trial;
-      EllipsoidGeodesic found;
-      if (middle.duration >= 0 && approach(p, middle, trial, integrations) && finish(p, trial.guess, found, integrations) &&
-          (!best.converged || calcLength(found) < calcLength(best))) {
-        best = found;
-      }
+      if (middle.duration >= 0) tryGuess(middle);
     }
     before = guess;
     missBefore = miss;
@@ -399,7 +408,7 @@ EllipsoidGeodesic searchCurveOfTangency(const Problem& p) {
 
 EllipsoidGeodesic searchGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m) {
   const double unit_m = halfAxes_m.minCoeff();
-  EllipsoidGeodesic g = searchCurveOfTangency(Problem(halfAxes_m, p_P_m, p_Q_m, unit_m));
+  EllipsoidGeodesic g = search(Problem(halfAxes_m, p_P_m, p_Q_m, unit_m));
   scale(g, unit_m);
   return g;
 }
@@ -408,7 +417,6 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
   const double unit_m = halfAxes_m.minCoeff();
   const Problem problem(halfAxes_m, p_P_m, p_Q_m, unit_m);
   const Planes planes(problem);
-  constexpr int kPlanes = 16;
   std::array<Planes::String, kPlanes> strings;
   for (int i = 0; i < kPlanes; ++i) strings[i] = planes.calcString(2 * kPi * i / kPlanes);
   std::array<int, 2> ways = {-1, -1};  // the two shortest of the locally shortest
@@ -446,7 +454,7 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
       result = candidate;
     }
   }
-  if (!result.converged) result = searchCurveOfTangency(problem);
+  if (!result.converged) result = search(problem);
   result.integrations += integrations;
   scale(result, unit_m);
   return result;

@@ -18,7 +18,7 @@ struct EllipsoidGeodesic {
 /** @pre the ends are outside or on the surface and the segment between them enters it */
 EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m);
 
-/** The same by searching the whole curve of tangency of P: slow; for where findGeodesic's guesses lead nowhere. */
+/** The same from many more starts, a hundred times slower: what findGeodesic does where its guesses lead nowhere, and its check. */
 EllipsoidGeodesic searchGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m);
 
 /** Point of a found geodesic, `part` 0 to 1 of its duration. */

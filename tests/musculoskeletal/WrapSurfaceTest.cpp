@@ -353,8 +353,10 @@ TEST(WrapEllipsoid, RandomOnesUpToTenToOneAllConverge) {
   int wrapped = 0;
   for (int i = 0; i < 15000; ++i) {
     const WrapSurface s = random.calcEllipsoid(10);
-    const WrappedSegment r = wrapSegment(s, random.calcOutside(s), random.calcOutside(s));
-    EXPECT_TRUE(r.status == Status::wrapped || r.status == Status::straight);
+    const Vec3 P = random.calcOutside(s), Q = random.calcOutside(s);
+    const WrappedSegment r = wrapSegment(s, P, Q);
+    EXPECT_TRUE(r.status == Status::wrapped || r.status == Status::straight)
+        << s.halfAxes_m.transpose() << " from " << P.transpose() << " to " << Q.transpose();
     wrapped += r.status == Status::wrapped;
   }
   EXPECT_GT(wrapped, 5000);
