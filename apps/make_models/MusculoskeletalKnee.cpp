@@ -121,7 +121,7 @@ std::string writeSoftTissue(const std::string& quadriceps, const std::string& ot
         << "    {max_force: " << writeNumber(muscle.force_N, 1)
         << " N, fibre_length: " << writeNumber(muscle.fibre_mm, 2)
         << " mm, tendon_length: " << writeNumber(muscle.tendon_mm, 2)
-        << " mm, pennation: " << writeNumber(muscle.pennation_deg, 2) << " deg, max_velocity: 10,\n"
+        << " mm, pennation: " << writeNumber(muscle.pennation_deg, 2) << " deg, max_velocity: 10 1/s,\n"
         << "     curves: de-groote, tendon: rigid, activation: {rise: 10 ms, fall: 40 ms}, excitation: "
         << (isQuadriceps(muscle) ? quadriceps : others) << ",\n     path: [";
     for (size_t i = 0; i < muscle.path.size(); ++i) {

@@ -70,11 +70,13 @@ class MuscleForce : public PathForce {
   }
   const MuscleResponse& getResponse(const SimTK::State& state) const {
     const SimTK::GeneralForceSubsystem& forces = knee().forces();
+    // getCacheEntry() would ask for a State realized to Dynamics, which is what calls this.
+    auto& response = SimTK::Value<MuscleResponse>::updDowncast(forces.updCacheEntry(state, responseIndex_));
     if (!forces.isCacheValueRealized(state, responseIndex_)) {
-      SimTK::Value<MuscleResponse>::updDowncast(forces.updCacheEntry(state, responseIndex_)) = calc(state, calcRateIfRigid(state));
+      response = calc(state, calcRateIfRigid(state));
       forces.markCacheValueRealized(state, responseIndex_);
     }
-    return SimTK::Value<MuscleResponse>::downcast(forces.getCacheEntry(state, responseIndex_));
+    return response;
   }
   double calcTension_N(const SimTK::State& state) const override { return getResponse(state).tension_N; }
   SimTK::Real calcPotentialEnergy(const SimTK::State& state) const override { return calc(state, 0).energy_J; }
