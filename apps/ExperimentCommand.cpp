@@ -159,7 +159,6 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
     fmt::print("{}{}, {:g} {}; scene's own loads on\n{:>8}  {:<10} {:>12} {:>18}\n", options.name, options.cut.empty() ? "" : " without " + options.cut, load,
                kind.loadUnit, "flexion", "tibia", fmt::format("moved ({})", kind.unit), "published");
     script = fmt::format(kPlotHead, options.name, 700) + fmt::format("set xlabel 'flexion (deg)'\nset ylabel 'tibia moved ({})'\nset key outside right\n", kind.unit);
-    std::string curves;
     for (const char* direction : {kind.positive, kind.negative}) {
       data += fmt::format("# flexion_deg {}_{} published_low published_high\n", direction, kind.unit);
       for (const Run& run : runs) {
@@ -185,7 +184,7 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
       data += "\n\n";
     }
     script += fmt::format(
-        "set xrange [-5:*]\nset yrange [0:*]\nset datafile missing 'nan'\nplot '{0}.dat' index 0 using 1:(($3+$4)/2):3:4 with yerrorbars lw 2 pt 0 lc rgb '#888888' title 'published, {1}', \\\n"
+        "set xrange [-5:*]\nset offsets 0, graph 0.05, graph 0.05, 0\nset yrange [0:*]\nset datafile missing 'nan'\nplot '{0}.dat' index 0 using 1:(($3+$4)/2):3:4 with yerrorbars lw 2 pt 0 lc rgb '#888888' title 'published, {1}', \\\n"
         "     '' index 1 using 1:(($3+$4)/2):3:4 with yerrorbars lw 2 dt 2 pt 0 lc rgb '#bbbbbb' title 'published, {2}', \\\n"
         "     '' index 0 using 1:2 with linespoints lw 2.5 pt 7 lc rgb '{3}' title '{1}', '' index 1 using 1:2 with linespoints lw 2.5 pt 5 lc rgb '{4}' title '{2}'\n",
         options.name, kind.positive, kind.negative, kColors[0], kColors[1]);
@@ -207,11 +206,12 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
     const std::array<const char*, 3> labels = {"rotation (deg)", "translation from extension (mm)", "contact force (N)"};
     for (int panel = 0; panel < 3; ++panel) {
       std::string curves;
+      size_t count = 0;
       const auto add = [&](size_t column, const std::string& title, bool fromStart) {
         const size_t index = column - 2;
         const double start = fromStart && !run.result.trajectory.frames.empty() ? run.result.trajectory.frames[0].q[index] * coordinates[index].unitsPerSi() : 0;
         curves += fmt::format("{}'{}.dat' using 1:(${}-({:.9g})) with lines lw 2.5 lc rgb '{}' title '{}'", curves.empty() ? "" : ", \\\n     ", options.name,
-                              column, start, kColors[static_cast<size_t>(std::count(curves.begin(), curves.end(), '\n')) % kColors.size()], title);
+                              column, start, kColors[count++ % kColors.size()], title);
       };
       for (size_t k = 0; panel < 2 && k < coordinates.size(); ++k) {
         const bool flexion = coordinates[k].joint == options.joint && coordinates[k].axis == 2 && coordinates[k].isAngle;

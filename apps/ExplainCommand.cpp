@@ -244,11 +244,12 @@ void explainAnalyses(const Scene& scene) {
                scene.gait->outputInterval_s, scene.gait->integrator, scene.gait->accuracy,
                scene.gait->settleFirst ? ", settled first" : "");
   }
+  if (scene.series) fmt::print("  series: static equilibria over {:g} s, every {:g} s\n", scene.series->duration_s, scene.series->outputInterval_s);
 }
 
 void explainEvaluation() {
   fmt::print("\nEvaluation:\n  instruction set in use: {}\n  threads: {}\n", contact::activeInstructionSet(),
-             hasThreads() ? "1; --threads N of contact, replay, static and gait uses more (smooth rule)" : "1; this build has no more");
+             hasThreads() ? "1; --threads N of contact, replay, static, series and gait uses more (smooth rule)" : "1; this build has no more");
   fmt::print("  error estimate: replay gives one with every load, contact with --error; none in static and gait\n");
 }
 
@@ -256,9 +257,10 @@ void explainLeftOut(const Built& built) {
   const Scene& scene = built.scene;
   std::vector<std::string> left;
   const auto all = [&](auto&& test) {
-    return std::all_of(scene.contacts.begin(), scene.contacts.end(),
-                       [&](const auto& pair) { return test(pair.definition); });
+    return !scene.contacts.empty() && std::all_of(scene.contacts.begin(), scene.contacts.end(),
+                                                  [&](const auto& pair) { return test(pair.definition); });
   };
+  if (scene.contacts.empty()) left.emplace_back("contact: none given");
   using Definition = contact::ContactPairDefinition;
   if (all([](const Definition& d) { return !needsMap(d.gridOn == contact::GridOn::fixed ? d.movingThickness : d.fixedThickness); })) {
     left.emplace_back("thickness map of the body without elements: its layer comes from no back surface");

@@ -65,6 +65,21 @@ void warnAboutElements(const scene::Trajectory& trajectory) {
   }
 }
 
+/** Coordinates and element forces at the last frame, for scenes without contact. */
+std::string formatElements(const scene::Scene& scene, const scene::Trajectory& trajectory) {
+  const scene::Frame& frame = trajectory.frames.back();
+  std::string text = fmt::format("At t = {:.4g} s:\n", frame.time_s);
+  const auto coordinates = scene.coordinates();
+  for (size_t i = 0; i < coordinates.size(); ++i) {
+    text += fmt::format("  {:<24} {:>12.5g} {}\n", coordinates[i].name, frame.q[i] * coordinates[i].unitsPerSi(), coordinates[i].unit());
+  }
+  for (size_t i = 0; i < trajectory.elementColumns.size(); ++i) {
+    if (trajectory.elementColumns[i].quantity != "force") continue;
+    text += fmt::format("  {:<24} {:>12.5g} N\n", trajectory.elementColumns[i].element, frame.elements[i]);
+  }
+  return text;
+}
+
 /** Writes the results and prints the table. */
 int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const report::RunInfo& info,
            const RunOptions& options, const CommonOptions& common) {
@@ -112,7 +127,7 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
   if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);
   if (!common.console.quiet) {
     fmt::print("{}\n{}\nComputed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n",
-               scene.name, output.table, trajectory.wallTime_s, trajectory.cpuTime_s,
+               scene.name, scene.contacts.empty() ? formatElements(scene, trajectory) : output.table, trajectory.wallTime_s, trajectory.cpuTime_s,
                trajectory.statistics.contactEvaluations, output.folder.string());
   }
   if (trajectory.failed) {

@@ -40,6 +40,10 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
     cpodes_->setMaxOrd(2);
     cpodes_->lapackDense(y_.size());
     cpodes_->setStopTime(stopTime);
+    // CPODES derives its first step from y'; from y' = 0 it makes NaN. The error test corrects a step that is too long.
+    bool atRest = true;
+    for (int i = 0; i < yDot_.size(); ++i) atRest = atRest && yDot_[i] == 0;
+    if (atRest) cpodes_->setInitStep(kFirstStepAtRest * (stopTime - t0));
     // Ends the creeping towards a state that cannot be passed, such as full penetration.
     cpodes_->setMinStep(kSmallestStep * (stopTime - t0));
     return true;
@@ -102,7 +106,7 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
     if (code < 0) message_ = message;
   }
 
-  static constexpr double kSmallestStep = 1e-10;  // of the run
+  static constexpr double kSmallestStep = 1e-10, kFirstStepAtRest = 1e-5;  // of the run
   static constexpr double kFarAhead_s = 1e300;    // the stop time ends the run; this is only a direction
 
   OdeProblem& problem_;

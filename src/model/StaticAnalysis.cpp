@@ -381,7 +381,8 @@ Outcome Settling::integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcc
       return outcome;
     }
     if (!dynamics_.hasContact() && infinityNorm(z - start) > 0.2) {
-      outcome.reason = "the bodies moved 200 mm without contact";
+      outcome.reason = dynamics_.knee().contact().numContactPairs() > 0 ? "the bodies moved 200 mm without contact"
+                                                                        : "the bodies moved 200 mm: nothing holds them";
       return outcome;
     }
     if (time > settings_.maxTime_s || outcome.iterations >= kMaxSteps || h < kSmallestStep_s) {

@@ -112,7 +112,7 @@ void writeElements(OutputFolder& out, const Scene& scene, const Trajectory& traj
     for (size_t i = 0; i < trajectory.elementColumns.size(); ++i) table.data[1 + i].push_back(frame.elements[i]);
   }
   io::writeSto(out.file("elements.sto"), scene.name + ", force elements", table, false,
-               "ELEMENT.quantity_unit, SI; force: tension along the path. inside_wrap: ends of the path inside its wrapping surface.\n"
+               "ELEMENT.quantity_unit, SI; force: tension along the path. inside_wrap: pieces of the path with an end inside their wrapping surface.\n"
                "state of muscles: 0 ok, 1 tendon slack, 2 fibre below, 3 above the range of the curves.");
 }
 

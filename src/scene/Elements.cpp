@@ -162,7 +162,9 @@ std::shared_ptr<ElementDefinition> readMuscle(const SceneNode& node, ElementCont
   const SceneNode excitation = node.get("excitation", "\"excitation: 0.1\", a table, or {track: {...}}");
   if (const auto track = excitation.isMap() ? excitation.find("track") : std::nullopt) {
     excitation.requireKeys({"track"});
-    result->excitation = readTracking(*track, context);
+    const TrackingController controller = readTracking(*track, context);
+    result->coordinateName = listCoordinates(context.getModel(*track))[static_cast<size_t>(controller.coordinate)].name;
+    result->excitation = controller;
   } else {
     result->excitation = readExcitation(excitation, context);
   }
@@ -198,7 +200,7 @@ std::string MuscleDefinition::describe() const {
   std::string text = describePath(path) + "; " + formatQuantity(muscle.maxIsometricForce_N, "N") + ", fibres " +
                      formatQuantity(muscle.optimalFibreLength_m, "mm") + ", " + (compliantTendon ? "compliant" : "rigid") + " tendon " +
                      formatQuantity(muscle.tendonSlackLength_m, "mm") + ", excitation ";
-  if (const auto* track = std::get_if<TrackingController>(&excitation)) return text + "tracks coordinate " + std::to_string(track->coordinate);
+  if (std::holds_alternative<TrackingController>(excitation)) return text + "tracks coordinate " + coordinateName;
   const auto& function = std::get<TimeFunction>(excitation);
   const auto* constant = std::get_if<double>(&function);
   return text + (constant != nullptr ? formatNumber(*constant) : std::get<TimeSeries>(function).source);

@@ -102,6 +102,7 @@ struct MuscleDefinition : ElementDefinition {
   bool compliantTendon = false;
   musculoskeletal::ActivationDynamics activation;
   std::variant<TimeFunction, TrackingController> excitation = TimeFunction(0.0);
+  std::string coordinateName;  ///< that a controller tracks
 
   std::string describe() const override;
 };
