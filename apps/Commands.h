@@ -44,11 +44,23 @@ struct ContactOptions {
   int threads = 1;
 };
 
+struct ExperimentOptions {
+  std::string name;
+  std::filesystem::path scene, output;
+  std::string grid, joint = "tibiofemoral";
+  std::string cut;                   ///< elements whose names begin with it are left out
+  std::vector<double> flexions_deg;  ///< empty: the experiment's own
+  std::optional<double> load;        ///< N or N m; absent: the experiment's own
+  bool noPlots = false;
+};
+
 // Each returns an exit code or throws InputError or ComputationError.
 int runStaticCommand(const RunOptions& options, const CommonOptions& common);
 int runGaitCommand(const RunOptions& options, const CommonOptions& common);
 int runSeriesCommand(const RunOptions& options, const CommonOptions& common);
 int runReplayCommand(const RunOptions& options, const CommonOptions& common);
+int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& common);
+std::vector<std::string> listExperiments();
 int runContactCommand(const ContactOptions& options, const CommonOptions& common);
 int runCheckCommand(const std::filesystem::path& scene, const CommonOptions& common);
 int runExplainCommand(const std::filesystem::path& scene, const CommonOptions& common);

@@ -74,6 +74,7 @@ int run(int argc, char** argv) {
   common.commandLine.assign(argv, argv + argc);
   RunOptions runOptions;
   ContactOptions contactOptions;
+  ExperimentOptions experimentOptions;
   std::filesystem::path scene;
   fit::FitOptions fitOptions;
   std::map<const CLI::App*, std::function<int()>> actions;
@@ -109,6 +110,24 @@ int run(int argc, char** argv) {
                               "Each equilibrium starts from the one before; tables of the scene are read at each time.\n") +
                   kExitCodes);
   actions[command] = [&] { return runSeriesCommand(runOptions, common); };
+
+  command = app.add_subcommand("experiment", "A classic experiment on a knee with ligaments: " + io::joinNames(listExperiments()));
+  command->add_option("NAME", experimentOptions.name, io::joinNames(listExperiments()))->required();
+  addScene(*command, experimentOptions.scene);
+  command->add_option("-o,--output", experimentOptions.output, "Folder for the results; default: results/SCENE-NAME")->type_name("DIR");
+  command->add_option("--grid", experimentOptions.grid, "Elements of every compartment instead of the scene's")->type_name("NXxNZ");
+  command->add_option("--joint", experimentOptions.joint, "The floating joint that is the knee, femur in tibia")->capture_default_str();
+  command->add_option("--flexion", experimentOptions.flexions_deg, "Flexion angles in deg; default: 0 30 60 90, passive-flexion: to 120")->type_name("DEG");
+  command->add_option("--load", experimentOptions.load, "Load in N or N m; default: drawer 90, varus-valgus 10, rotation 4")->type_name("LOAD");
+  command->add_option("--cut", experimentOptions.cut, "Leave out force elements whose names begin so, e.g. ACL")->type_name("PREFIX");
+  command->add_flag("--no-plots", experimentOptions.noPlots, "No plots");
+  addCommonOptions(*command, common);
+  command->footer(std::string("\nExamples:\n  genu experiment passive-flexion models/knee_with_ligaments/natural.yaml\n"
+                              "  genu experiment drawer models/knee_with_ligaments/natural.yaml --cut ACL --output acl_cut\n\n"
+                              "Bends the knee in steps of 3 deg, then loads it in 18 steps; every step is a static equilibrium.\n"
+                              "The scene's own loads stay on.\n") +
+                  kExitCodes);
+  actions[command] = [&] { return runExperimentCommand(experimentOptions, common); };
 
   command = app.add_subcommand("replay", "Evaluate the contact along a finished run, on another grid");
   command->add_option("RESULTS", runOptions.scene, "Results folder of `genu gait`, `genu static` or `genu replay`")
