@@ -4,6 +4,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "SceneKeys.h"
 #include "genu/scene/Scene.h"
 
 namespace genu::scene {
@@ -22,17 +23,6 @@ auto callLaw(const SceneNode& node, Function function) -> decltype(function()) {
   } catch (const std::invalid_argument& error) {
     node.fail(error.what());
   }
-}
-
-std::string describePath(const PathDefinition& path) {
-  const size_t via = path.points.size() - 2;
-  const auto wraps = std::count_if(path.wraps.begin(), path.wraps.end(), [](int wrap) { return wrap >= 0; });
-  const bool moving = std::any_of(path.points.begin(), path.points.end(), [](const PathPoint& p) { return p.coordinate >= 0; });
-  std::string text = path.points.front().body + " to " + path.points.back().body;
-  if (via > 0) text += ", " + std::to_string(via) + (via == 1 ? " point between" : " points between");
-  if (moving) text += ", moving points";
-  if (wraps > 0) text += ", " + std::to_string(wraps) + (wraps == 1 ? " wrap" : " wraps");
-  return text;
 }
 
 const char* const kTensionExample = "\"force: 20 N\", \"pose: extension\"";
@@ -179,6 +169,17 @@ std::map<std::string, ElementReader>& readers() {
 
 }  // namespace
 
+std::string describePath(const PathDefinition& path) {
+  const size_t via = path.points.size() - 2;
+  const auto wraps = std::count_if(path.wraps.begin(), path.wraps.end(), [](int wrap) { return wrap >= 0; });
+  const bool moving = std::any_of(path.points.begin(), path.points.end(), [](const PathPoint& p) { return p.coordinate >= 0; });
+  std::string text = path.points.front().body + " to " + path.points.back().body;
+  if (via > 0) text += ", " + std::to_string(via) + (via == 1 ? " point between" : " points between");
+  if (moving) text += ", moving points";
+  if (wraps > 0) text += ", " + std::to_string(wraps) + (wraps == 1 ? " wrap" : " wraps");
+  return text;
+}
+
 std::string LigamentDefinition::describe() const {
   std::string text = describePath(path) + "; " + (perLength ? formatQuantity(stiffness, "N/mm") : formatQuantity(stiffness, "N") + " per strain");
   if (const auto* length = std::get_if<Length>(&slack)) text += ", slack length " + formatQuantity(length->length_m, "mm");
@@ -207,7 +208,8 @@ std::string MuscleDefinition::describe() const {
 }
 
 void registerElementReader(const std::string& keyword, ElementReader reader) {
-  if (!readers().emplace(keyword, std::move(reader)).second) {
+  const std::vector<std::string>& own = listOwnSceneKeys();
+  if (std::find(own.begin(), own.end(), keyword) != own.end() || !readers().emplace(keyword, std::move(reader)).second) {
     throw std::invalid_argument("scene keyword \"" + keyword + "\" is taken");
   }
 }

@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <tuple>
 
+#include "SceneKeys.h"
 #include "genu/scene/SceneNode.h"
 #include "genu/contact/AnalyticSurface.h"
 #include "genu/io/Files.h"
@@ -91,8 +92,7 @@ class SceneReader : private ElementContext {
     scene_.inputHashes[scene_.file.filename().string()] = io::calcSha256(yaml_);
     // The version first: a file of another version would only raise errors about keys.
     root.get("genu", "\"genu: 1\" (the version of the scene format)").getInteger(1, 1);
-    std::vector<std::string> allowed = {"genu",  "name",  "surfaces", "materials", "contact", "model",
-                                        "poses", "wraps", "loads",    "analysis",  "output"};
+    std::vector<std::string> allowed = listOwnSceneKeys();
     for (const std::string& keyword : listElementKeywords()) allowed.push_back(keyword);
     root.requireKeys(allowed);
     const auto name = root.find("name");

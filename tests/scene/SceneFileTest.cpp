@@ -1,10 +1,12 @@
 #include <cmath>
 #include <cstdlib>
+#include <stdexcept>
 
 #include "TestFiles.h"
 #include "genu/contact/AnalyticSurface.h"
 #include "genu/io/Files.h"
 #include "genu/io/NurbsFile.h"
+#include "genu/scene/Elements.h"
 #include "genu/scene/SceneFile.h"
 
 namespace genu::scene {
@@ -635,6 +637,12 @@ TEST(CommandLine, Grid) {
   const Scene scene = parse(kSphere, options);
   EXPECT_EQ(scene.contacts[0].definition.compartments[0].nx, 7);
   EXPECT_EQ(scene.contacts[0].definition.compartments[0].nz, 9);
+}
+
+TEST(ElementKeywords, AreNotTakenTwice) {
+  for (const char* taken : {"springs", "loads", "genu"}) {
+    EXPECT_THROW(registerElementReader(taken, nullptr), std::invalid_argument) << taken;
+  }
 }
 
 }  // namespace

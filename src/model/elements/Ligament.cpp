@@ -1,7 +1,7 @@
 #include <stdexcept>
 
 #include "MakeForceElement.h"
-#include "PathForce.h"
+#include "genu/model/PathForce.h"
 #include "genu/musculoskeletal/LigamentLaw.h"
 
 namespace genu::model {

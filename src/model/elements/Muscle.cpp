@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "MakeForceElement.h"
-#include "PathForce.h"
+#include "genu/model/PathForce.h"
 #include "genu/musculoskeletal/Muscle.h"
 
 namespace genu::model {

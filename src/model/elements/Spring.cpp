@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "MakeForceElement.h"
-#include "PathForce.h"
+#include "genu/model/PathForce.h"
 #include "genu/musculoskeletal/SpringLaw.h"
 
 namespace genu::model {

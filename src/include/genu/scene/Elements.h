@@ -58,6 +58,9 @@ struct PathDefinition {
   std::vector<int> wraps;  ///< one per pair of neighbours: index in Scene::wraps, -1 for none
 };
 
+/** "femur to tibia, 1 point between, 1 wrap", for ElementDefinition::describe. */
+std::string describePath(const PathDefinition& path);
+
 struct LigamentDefinition : ElementDefinition {
   struct Length { double length_m; };
   struct Strain { double strain; std::string pose; };
