@@ -130,7 +130,7 @@ int run(int argc, char** argv) {
   actions[command] = [&] { return runExperimentCommand(experimentOptions, common); };
 
   command = app.add_subcommand("replay", "Evaluate the contact along a finished run, on another grid");
-  command->add_option("RESULTS", runOptions.scene, "Results folder of `genu gait`, `genu static` or `genu replay`")
+  command->add_option("RESULTS", runOptions.scene, "Results folder of `genu gait`, `genu static`, `genu series` or `genu replay`")
       ->required();
   addRunOptions(*command, runOptions, "RESULTS-replay-NXxNZ",
                 "Elements of every compartment; default: the run's scene");
