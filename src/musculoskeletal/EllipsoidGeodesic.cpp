@@ -146,7 +146,7 @@ bool run(Flow& flow, double duration, double longestStep) {
 
 constexpr double kCoarseStep = 1.0, kFineStep = 0.25;  // where the shortest half axis is 1
 constexpr double kNotLonger = 1.03;  // than the shortest string in a plane, with the error of its quadrature
-constexpr double kSecondWay = 1.5, kTie = 1e-2;  // how much longer another way may seem and still be tried
+constexpr double kSecondWay = 1.5, kSecondSlope = 1.01, kTie = 1e-2;  // how much longer another way may seem and still be tried
 constexpr double kLeastReach = 1e-3;  // over the length
 constexpr double kCoarseSize = 1e-3, kFineSize = 1e-7;
 
@@ -419,15 +419,21 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
   const Planes planes(problem);
   std::array<Planes::String, kPlanes> strings;
   for (int i = 0; i < kPlanes; ++i) strings[i] = planes.calcString(2 * kPi * i / kPlanes);
-  std::array<int, 2> ways = {-1, -1};  // the two shortest of the locally shortest
+  // Two ways are tried: the shortest string, and the shortest other one that is locally shortest or else a quarter of a turn or more away,
+  // where the lengths hardly differ.
+  std::array<int, 2> ways = {0, -1};
+  for (int i = 1; i < kPlanes; ++i) {
+    if (strings[i].length < strings[ways[0]].length) ways[0] = i;
+  }
+  double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < kPlanes; ++i) {
     const double length = strings[i].length;
-    if (length > strings[(i + 1) % kPlanes].length || length >= strings[(i + kPlanes - 1) % kPlanes].length) continue;
-    if (ways[0] < 0 || length < strings[ways[0]].length) {
-      ways[1] = ways[0];
-      ways[0] = i;
-    } else if (ways[1] < 0 || length < strings[ways[1]].length) {
+    const bool local = length <= strings[(i + 1) % kPlanes].length && length < strings[(i + kPlanes - 1) % kPlanes].length;
+    const int apart = std::abs(i - ways[0]), turn = std::min(apart, kPlanes - apart);
+    const double allowed = turn == 0 ? 0 : local ? kSecondWay : turn >= kPlanes / 4 ? kSecondSlope : 0;
+    if (length < allowed * strings[ways[0]].length && length < least) {
       ways[1] = i;
+      least = length;
     }
   }
   EllipsoidGeodesic result;
@@ -436,11 +442,11 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
   std::array<bool, 2> found = {false, false};
   for (int k = 0; k < 2; ++k) {
     const int i = ways[k];
-    if (i < 0 || (k == 1 && found[0] && strings[i].length > kSecondWay * strings[ways[0]].length)) continue;
+    if (i < 0) continue;
     // The minimum of the parabola through three planes.
     const double before = strings[(i + kPlanes - 1) % kPlanes].length, at = strings[i].length, after = strings[(i + 1) % kPlanes].length;
     const double bend = before - 2 * at + after;
-    const double turn = 2 * kPi / kPlanes * (i + (bend > 0 ? 0.5 * (before - after) / bend : 0));
+    const double turn = 2 * kPi / kPlanes * (i + (bend > 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0));
     const Planes::String refined = planes.calcString(turn);
     const Planes::String& start = refined.length < at ? refined : strings[i];
     found[k] = approach(problem, planes.calcGuess(start), trials[k], integrations) &&
