@@ -148,7 +148,7 @@ constexpr double kCoarseStep = 1.0, kFineStep = 0.25;  // where the shortest hal
 constexpr double kNotLonger = 1.03;  // than the shortest string in a plane, with the error of its quadrature
 constexpr double kSecondWay = 1.5, kSecondSlope = 1.01, kTie = 1e-2;  // how much longer another way may seem and still be tried
 constexpr double kLeastReach = 1e-3;  // over the length
-constexpr double kCoarseSize = 1e-3, kFineSize = 1e-7;
+constexpr double kCoarseSize = 1e-3, kCoarseEnough = 1e-2, kFineSize = 1e-7;
 
 struct Guess {
   double theta, duration;
@@ -201,13 +201,21 @@ void setEnd(const Problem& p, const Flow& flow, Trial& r) {
   r.ahead = r.left - moved.cwiseQuotient(p.D).dot(th) * r.turn;
 }
 
-Trial calcTrial(const Problem& p, const Guess& guess, double longestStep) {
+/** From a place of the curve of tangency of P; the duration is corrected until nothing more than `enough` is left. */
+Trial calcTrial(const Problem& p, const Guess& guess, double longestStep, double enough) {
   Trial r;
   r.guess = guess;
   r.start = calcStart(p, guess.theta);
   Flow flow = r.start.flow;
   r.shortest = run(flow, guess.duration, longestStep);
   setEnd(p, flow, r);
+  for (int k = 0; k < 4 && std::abs(r.left) > enough; ++k) {
+    const double step = std::max(-r.guess.duration, std::clamp(r.h * r.left, -longestStep, longestStep));
+    flow.step(step);
+    r.guess.duration += step;
+    r.shortest = r.shortest && flow.y[3] >= 0;
+    setEnd(p, flow, r);
+  }
   return r;
 }
 
@@ -215,7 +223,7 @@ Trial calcTrial(const Problem& p, const Guess& guess, double longestStep) {
 bool approach(const Problem& p, Guess guess, Trial& r, int& integrations) {
   double part = 1, last = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 24; ++k) {
-    r = calcTrial(p, guess, kCoarseStep);
+    r = calcTrial(p, guess, kCoarseStep, kCoarseEnough);
     ++integrations;
     const double size = r.calcSize();
     if (!std::isfinite(size)) return false;
@@ -233,7 +241,7 @@ bool approach(const Problem& p, Guess guess, Trial& r, int& integrations) {
 /** Newton's method with short steps; the last one is applied to the result itself. */
 bool finish(const Problem& p, Guess guess, EllipsoidGeodesic& g, int& integrations) {
   for (int k = 0; k < 12; ++k) {
-    const Trial r = calcTrial(p, guess, kFineStep);
+    const Trial r = calcTrial(p, guess, kFineStep, kFineSize);
     ++integrations;
     if (!std::isfinite(r.calcSize())) return false;
     guess = r.calcNext();
@@ -383,7 +391,7 @@ EllipsoidGeodesic search(const Problem& p) {
   const auto calcMiss = [&](double theta, Guess& guess) {
     guess = {theta, findDuration(p, theta)};
     ++integrations;
-    return guess.duration < 0 ? kNone : calcTrial(p, guess, kCoarseStep).miss;
+    return guess.duration < 0 ? kNone : calcTrial(p, guess, kCoarseStep, kCoarseEnough).miss;
   };
   Guess guess, before;
   double missBefore = calcMiss(0, before);
@@ -469,7 +477,7 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
 Vec3 calcPointOnGeodesic_m(const EllipsoidGeodesic& geodesic, const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m, double part) {
   const double unit_m = halfAxes_m.minCoeff();
   const Problem problem(halfAxes_m, p_P_m, p_Q_m, unit_m);
-  return calcTrial(problem, {geodesic.theta, part * geodesic.duration}, kFineStep).x * unit_m;
+  return calcTrial(problem, {geodesic.theta, part * geodesic.duration}, kFineStep, std::numeric_limits<double>::infinity()).x * unit_m;
 }
 
 }  // namespace genu::musculoskeletal
