@@ -144,7 +144,8 @@ bool run(Flow& flow, double duration, double longestStep) {
   return shortest;
 }
 
-constexpr double kCoarseStep = 1.0, kFineStep = 0.25;  // where the shortest half axis is 1
+constexpr double kCoarseStep = 1.0, kFineStep = 0.2;  // where the shortest half axis is 1
+constexpr double kLongestDuration = 25;  // half a turn of an ellipsoid of 100:1, over both its tips, takes 2 ln(400) = 12
 constexpr double kNotLonger = 1.03;  // than the shortest string in a plane, with the error of its quadrature
 constexpr double kSecondWay = 1.5, kSecondSlope = 1.01, kTie = 1e-2;  // how much longer another way may seem and still be tried
 constexpr double kLeastReach = 1e-3;  // over the length
@@ -174,7 +175,7 @@ struct Trial {
   /** Where Newton's step is too large it is cut. */
   Guess calcNext(double part = 1) const {
     return {guess.theta + part * std::clamp(turn / start.turnByTheta, -0.5, 0.5),
-            std::max(0.0, guess.duration + part * std::clamp(h * ahead, -1.0, 1.0))};
+            std::clamp(guess.duration + part * std::clamp(h * ahead, -1.0, 1.0), 0.0, kLongestDuration)};
   }
 };
 
@@ -221,6 +222,7 @@ Trial calcTrial(const Problem& p, const Guess& guess, double longestStep, double
 
 /** Newton's method with long steps of the flow; it goes part of its way only while the steps do not become smaller. */
 bool approach(const Problem& p, Guess guess, Trial& r, int& integrations) {
+  if (!(guess.duration <= kLongestDuration)) return false;  // numbers too large for the planes
   double part = 1, last = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 24; ++k) {
     r = calcTrial(p, guess, kCoarseStep, kCoarseEnough);
@@ -338,8 +340,6 @@ struct Planes {
     return {std::atan2(e.dot(p.e2), e.dot(p.e1)), s.duration};
   }
 };
-
-constexpr double kLongestDuration = 25;  // half a turn of an ellipsoid of 100:1 takes 2 ln(400) = 12
 
 /** Duration to the first place whose tangent plane goes through Q, by steps and then Newton's method; < 0 if there is none. */
 double findDuration(const Problem& p, double theta) {
