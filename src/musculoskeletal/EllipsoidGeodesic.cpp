@@ -144,11 +144,12 @@ bool run(Flow& flow, double duration, double longestStep) {
   return shortest;
 }
 
-constexpr double kCoarseStep = 1.0, kFineStep = 0.25;  // where the shortest half axis is 1
+constexpr double kCoarseStep = 1.0, kFineStep = 0.2;  // where the shortest half axis is 1
+constexpr double kLongestDuration = 25;  // half a turn of an ellipsoid of 100:1, over both its tips, takes 2 ln(400) = 12
 constexpr double kNotLonger = 1.03;  // than the shortest string in a plane, with the error of its quadrature
-constexpr double kSecondWay = 1.5, kTie = 1e-2;  // how much longer another way may seem and still be tried
+constexpr double kSecondWay = 1.5, kSecondSlope = 1.01, kTie = 1e-2;  // how much longer another way may seem and still be tried
 constexpr double kLeastReach = 1e-3;  // over the length
-constexpr double kCoarseSize = 1e-3, kFineSize = 1e-7;
+constexpr double kCoarseSize = 1e-3, kCoarseEnough = 1e-2, kFineSize = 1e-7;
 
 struct Guess {
   double theta, duration;
@@ -174,7 +175,7 @@ struct Trial {
   /** Where Newton's step is too large it is cut. */
   Guess calcNext(double part = 1) const {
     return {guess.theta + part * std::clamp(turn / start.turnByTheta, -0.5, 0.5),
-            std::max(0.0, guess.duration + part * std::clamp(h * ahead, -1.0, 1.0))};
+            std::clamp(guess.duration + part * std::clamp(h * ahead, -1.0, 1.0), 0.0, kLongestDuration)};
   }
 };
 
@@ -201,21 +202,30 @@ void setEnd(const Problem& p, const Flow& flow, Trial& r) {
   r.ahead = r.left - moved.cwiseQuotient(p.D).dot(th) * r.turn;
 }
 
-Trial calcTrial(const Problem& p, const Guess& guess, double longestStep) {
+/** From a place of the curve of tangency of P; the duration is corrected until nothing more than `enough` is left. */
+Trial calcTrial(const Problem& p, const Guess& guess, double longestStep, double enough) {
   Trial r;
   r.guess = guess;
   r.start = calcStart(p, guess.theta);
   Flow flow = r.start.flow;
   r.shortest = run(flow, guess.duration, longestStep);
   setEnd(p, flow, r);
+  for (int k = 0; k < 4 && std::abs(r.left) > enough; ++k) {
+    const double step = std::max(-r.guess.duration, std::clamp(r.h * r.left, -longestStep, longestStep));
+    flow.step(step);
+    r.guess.duration += step;
+    r.shortest = r.shortest && flow.y[3] >= 0;
+    setEnd(p, flow, r);
+  }
   return r;
 }
 
 /** Newton's method with long steps of the flow; it goes part of its way only while the steps do not become smaller. */
 bool approach(const Problem& p, Guess guess, Trial& r, int& integrations) {
+  if (!(guess.duration <= kLongestDuration)) return false;  // numbers too large for the planes
   double part = 1, last = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 24; ++k) {
-    r = calcTrial(p, guess, kCoarseStep);
+    r = calcTrial(p, guess, kCoarseStep, kCoarseEnough);
     ++integrations;
     const double size = r.calcSize();
     if (!std::isfinite(size)) return false;
@@ -233,7 +243,7 @@ bool approach(const Problem& p, Guess guess, Trial& r, int& integrations) {
 /** Newton's method with short steps; the last one is applied to the result itself. */
 bool finish(const Problem& p, Guess guess, EllipsoidGeodesic& g, int& integrations) {
   for (int k = 0; k < 12; ++k) {
-    const Trial r = calcTrial(p, guess, kFineStep);
+    const Trial r = calcTrial(p, guess, kFineStep, kFineSize);
     ++integrations;
     if (!std::isfinite(r.calcSize())) return false;
     guess = r.calcNext();
@@ -331,8 +341,6 @@ struct Planes {
   }
 };
 
-constexpr double kLongestDuration = 25;  // half a turn of an ellipsoid of 100:1 takes 2 ln(400) = 12
-
 /** Duration to the first place whose tangent plane goes through Q, by steps and then Newton's method; < 0 if there is none. */
 double findDuration(const Problem& p, double theta) {
   Trial r;
@@ -383,7 +391,7 @@ EllipsoidGeodesic search(const Problem& p) {
   const auto calcMiss = [&](double theta, Guess& guess) {
     guess = {theta, findDuration(p, theta)};
     ++integrations;
-    return guess.duration < 0 ? kNone : calcTrial(p, guess, kCoarseStep).miss;
+    return guess.duration < 0 ? kNone : calcTrial(p, guess, kCoarseStep, kCoarseEnough).miss;
   };
   Guess guess, before;
   double missBefore = calcMiss(0, before);
@@ -419,15 +427,21 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
   const Planes planes(problem);
   std::array<Planes::String, kPlanes> strings;
   for (int i = 0; i < kPlanes; ++i) strings[i] = planes.calcString(2 * kPi * i / kPlanes);
-  std::array<int, 2> ways = {-1, -1};  // the two shortest of the locally shortest
+  // Two ways are tried: the shortest string, and the shortest other one that is locally shortest or else a quarter of a turn or more away,
+  // where the lengths hardly differ.
+  std::array<int, 2> ways = {0, -1};
+  for (int i = 1; i < kPlanes; ++i) {
+    if (strings[i].length < strings[ways[0]].length) ways[0] = i;
+  }
+  double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < kPlanes; ++i) {
     const double length = strings[i].length;
-    if (length > strings[(i + 1) % kPlanes].length || length >= strings[(i + kPlanes - 1) % kPlanes].length) continue;
-    if (ways[0] < 0 || length < strings[ways[0]].length) {
-      ways[1] = ways[0];
-      ways[0] = i;
-    } else if (ways[1] < 0 || length < strings[ways[1]].length) {
+    const bool local = length <= strings[(i + 1) % kPlanes].length && length < strings[(i + kPlanes - 1) % kPlanes].length;
+    const int apart = std::abs(i - ways[0]), turn = std::min(apart, kPlanes - apart);
+    const double allowed = turn == 0 ? 0 : local ? kSecondWay : turn >= kPlanes / 4 ? kSecondSlope : 0;
+    if (length < allowed * strings[ways[0]].length && length < least) {
       ways[1] = i;
+      least = length;
     }
   }
   EllipsoidGeodesic result;
@@ -436,11 +450,11 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
   std::array<bool, 2> found = {false, false};
   for (int k = 0; k < 2; ++k) {
     const int i = ways[k];
-    if (i < 0 || (k == 1 && found[0] && strings[i].length > kSecondWay * strings[ways[0]].length)) continue;
+    if (i < 0) continue;
     // The minimum of the parabola through three planes.
     const double before = strings[(i + kPlanes - 1) % kPlanes].length, at = strings[i].length, after = strings[(i + 1) % kPlanes].length;
     const double bend = before - 2 * at + after;
-    const double turn = 2 * kPi / kPlanes * (i + (bend > 0 ? 0.5 * (before - after) / bend : 0));
+    const double turn = 2 * kPi / kPlanes * (i + (bend > 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0));
     const Planes::String refined = planes.calcString(turn);
     const Planes::String& start = refined.length < at ? refined : strings[i];
     found[k] = approach(problem, planes.calcGuess(start), trials[k], integrations) &&
@@ -463,7 +477,7 @@ EllipsoidGeodesic findGeodesic(const Vec3& halfAxes_m, const Vec3& p_P_m, const 
 Vec3 calcPointOnGeodesic_m(const EllipsoidGeodesic& geodesic, const Vec3& halfAxes_m, const Vec3& p_P_m, const Vec3& p_Q_m, double part) {
   const double unit_m = halfAxes_m.minCoeff();
   const Problem problem(halfAxes_m, p_P_m, p_Q_m, unit_m);
-  return calcTrial(problem, {geodesic.theta, part * geodesic.duration}, kFineStep).x * unit_m;
+  return calcTrial(problem, {geodesic.theta, part * geodesic.duration}, kFineStep, std::numeric_limits<double>::infinity()).x * unit_m;
 }
 
 }  // namespace genu::musculoskeletal

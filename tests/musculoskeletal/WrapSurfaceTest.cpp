@@ -167,7 +167,8 @@ TEST(Wrap, LinesThroughTheCentreGoEitherWayButAlwaysTheSame) {
   }
   // 2 l + R (pi - 2 acos(R/r)).
   const double free = std::sqrt(0.05 * 0.05 - R * R);
-  EXPECT_NEAR(calcLength_m(WrapSurface::makeSphere(R), Vec3(0, 0, 0.05), Vec3(0, 0, -0.05)), 2 * free + R * (kPi - 2 * std::acos(0.6)), 1e-16);
+  const double length = calcLength_m(WrapSurface::makeSphere(R), Vec3(0, 0, 0.05), Vec3(0, 0, -0.05));
+  EXPECT_NEAR(length, 2 * free + R * (kPi - 2 * std::acos(0.6)), 1e-16);
 }
 
 TEST(WrapEllipsoid, OfEqualAxesIsTheSphere) {
@@ -295,7 +296,8 @@ TEST(WrapEllipsoid, IsTheGeodesicOfAnotherMethod) {
     if (r.status == Status::straight) continue;
     ASSERT_EQ(r.status, Status::wrapped);
     Reference reference = {s.halfAxes_m / 0.01, P / 0.01, Q / 0.01};
-    if (P.cwiseQuotient(s.halfAxes_m).norm() < 1.001 || Q.cwiseQuotient(s.halfAxes_m).norm() < 1.001) continue;  // its equations are not made for that
+    // The reference's equations are not made for ends on the surface.
+    if (P.cwiseQuotient(s.halfAxes_m).norm() < 1.001 || Q.cwiseQuotient(s.halfAxes_m).norm() < 1.001) continue;
     // Length on the unit sphere from the drawn points; started 1e-3 beside the result.
     const std::vector<Vec3> points = sampleSegment(s, P, Q, 200);
     double angle = 0;
@@ -399,7 +401,8 @@ TEST(Wrap, DirectionsAreTheGradientOfTheLength) {
       double jump = 0;  // of the slope: the string changes sides in between
       for (int k = 0; k < 3; ++k) {
         const Vec3 d = h * Vec3::Unit(k);
-        const double Pp = calcLength_m(s, P + d, Q), Pm = calcLength_m(s, P - d, Q), Qp = calcLength_m(s, P, Q + d), Qm = calcLength_m(s, P, Q - d);
+        const double Pp = calcLength_m(s, P + d, Q), Pm = calcLength_m(s, P - d, Q);
+        const double Qp = calcLength_m(s, P, Q + d), Qm = calcLength_m(s, P, Q - d);
         byP[k] = (Pp - Pm) / (2 * h);
         byQ[k] = (Qp - Qm) / (2 * h);
         jump = std::max({jump, std::abs(Pp + Pm - 2 * r.length_m) / h, std::abs(Qp + Qm - 2 * r.length_m) / h});
@@ -462,7 +465,8 @@ TEST(Wrap, DoesNotDependOnTheFrame) {
     const Mat3 turn = Eigen::AngleAxisd(random.between(0, 3), random.calcDirection()).toRotationMatrix();
     const Mat3 about = Eigen::AngleAxisd(random.between(0, 3), Vec3::UnitZ()).toRotationMatrix();
     const Vec3 shift(0, 0, random.between(-1, 1));
-    const auto check = [](const WrapSurface& s, const Vec3& P, const Vec3& Q, const WrapSurface& moved, const Mat3& M, const Vec3& p, double tolerance) {
+    const auto check = [](const WrapSurface& s, const Vec3& P, const Vec3& Q, const WrapSurface& moved, const Mat3& M, const Vec3& p,
+                          double tolerance) {
       WrappedSegment r = wrapSegment(s, P, Q);
       for (Vec3* v : {&r.directionP, &r.directionQ}) *v = M * *v;
       if (r.status == Status::wrapped) {
@@ -483,7 +487,8 @@ TEST(Wrap, DoesNotDependOnTheFrame) {
     rename << 0, 1, 0, 0, 0, 1, 1, 0, 0;
     const Vec3 P = random.calcOutside(s), Q = random.calcOutside(s);
     check(s, P, Q, WrapSurface::makeEllipsoid(a[1], a[2], a[0]), rename, Vec3::Zero(), 1e-10);
-    EXPECT_NEAR(calcLength_m(WrapSurface::makeEllipsoid(100 * a[0], 100 * a[1], 100 * a[2]), 100 * P, 100 * Q), 100 * calcLength_m(s, P, Q), 1e-11);
+    const WrapSurface large = WrapSurface::makeEllipsoid(100 * a[0], 100 * a[1], 100 * a[2]);
+    EXPECT_NEAR(calcLength_m(large, 100 * P, 100 * Q), 100 * calcLength_m(s, P, Q), 1e-11);
   }
 }
 
@@ -493,7 +498,9 @@ TEST(Wrap, LengthIsContinuousAlongSweeps) {
     if (s.side) continue;
     const double c = s.shape == WrapSurface::Shape::cylinder ? R : s.halfAxes_m[2];
     const Vec3 D(s.halfAxes_m[0], s.halfAxes_m[1], c), P = D.cwiseProduct(Vec3(1.3, 0.2, -0.4));
-    const auto at = [&](double a) { return Vec3(D.cwiseProduct(Vec3(std::cos(a), std::sin(a), 0.5 * std::sin(2.3 * a))) * (1.4 + 0.3 * std::cos(5 * a))); };
+    const auto at = [&](double a) {
+      return Vec3(D.cwiseProduct(Vec3(std::cos(a), std::sin(a), 0.5 * std::sin(2.3 * a))) * (1.4 + 0.3 * std::cos(5 * a)));
+    };
     Vec3 before = at(0);
     double lengthBefore = calcLength_m(s, P, before);
     const int n = 4000;
@@ -538,7 +545,9 @@ TEST(Wrap, EndsOnTheSurfaceLeaveAlongTangents) {
     for (int i = 0; i < 200; ++i) {
       // A fifth of a turn to two fifths apart, so that the other way is not near.
       const double a = random.between(-1, 0), b = a + random.between(1.2, 2.4);
-      const auto at = [&](double angle, double out) { return Vec3(D[0] * std::cos(angle) * out, D[1] * std::sin(angle) * out, 0.3 * D[2] * std::cos(3 * a)); };
+      const auto at = [&](double angle, double out) {
+        return Vec3(D[0] * std::cos(angle) * out, D[1] * std::sin(angle) * out, 0.3 * D[2] * std::cos(3 * a));
+      };
       const double z = s.shape == WrapSurface::Shape::cylinder ? 1 : std::sqrt(1 - 0.09 * std::cos(3 * a) * std::cos(3 * a));
       for (const double depth : {0.0, 1e-12, 5e-11}) {
         const Vec3 P = at(a, z * (1 - depth)), Q = at(b, 1.5);
@@ -631,7 +640,8 @@ TEST(WrapSurface, RefusesWhatHasNoMeaning) {
   EXPECT_THAT(message([] { WrapSurface::makeSphere(0); }), HasSubstr("wrapping sphere: radius = 0 m is not allowed; allowed: > 0 m"));
   EXPECT_THAT(message([&] { WrapSurface::makeCylinder(nan); }), HasSubstr("wrapping cylinder: radius = nan m"));
   EXPECT_THAT(message([] { WrapSurface::makeEllipsoid(1, -2, 1); }), HasSubstr("half axis = -2 m"));
-  EXPECT_THAT(message([] { WrapSurface::makeEllipsoid(1, 101, 1); }), HasSubstr("longest over shortest half axis = 101 is not allowed; allowed: 1 to 100"));
+  EXPECT_THAT(message([] { WrapSurface::makeEllipsoid(1, 101, 1); }),
+              HasSubstr("longest over shortest half axis = 101 is not allowed; allowed: 1 to 100"));
   EXPECT_THAT(message([] { WrapSurface::makeCylinder(1, Vec3(0, 0, 1)); }), HasSubstr("part of the side across the axis = 0"));
   EXPECT_THAT(message([] { WrapSurface::makeCylinder(1, Vec3(0, 0, 0)); }), HasSubstr("part of the side across the axis = 0"));
   EXPECT_THAT(message([&] { WrapSurface::makeCylinder(1, Vec3(1, nan, 0)); }), HasSubstr("component of the side = nan"));
