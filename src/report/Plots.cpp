@@ -76,7 +76,7 @@ std::string makeTimeScript(const std::string& name, const std::vector<Panel>& pa
     script += fmt::format(
         "\nset lmargin at screen 0.105\nset rmargin at screen 0.80\nset tmargin at screen {:.5f}\nset bmargin at "
         "screen "
-        "{:.5f}\nset ylabel {} offset 0.5\nset key at screen 0.815, screen {:.5f} left center vertical Left reverse "
+        "{:.5f}\nset ylabel {} offset 0.5\nset key at screen 0.815, screen {:.5f} left center vertical maxcols 1 Left reverse "
         "samplen "
         "2.5 spacing 1.3\n",
         high, high - panelHeight, quote(panel.label), high - panelHeight / 2);
@@ -274,7 +274,7 @@ std::string writePressurePlot(OutputFolder& out, const scene::Scene& scene, cons
 }
 
 std::string writeMapPlot(OutputFolder& out, const std::string& name, const contact::ContactPairDefinition& definition,
-                         const std::vector<MapPanel>& panels, bool leftKnee) {
+                         const std::vector<MapPanel>& panels, bool leftKnee, bool anatomical) {
   // Extent of the compartments [mm] and the largest pressure [MPa] of all panels.
   double x0 = std::numeric_limits<double>::infinity(), z0 = x0, x1 = -x0, z1 = -x0;
   const auto isFlat = [&definition](const contact::CompartmentDefinition& c) {
@@ -376,7 +376,8 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
                      : fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", z1, z0, x1, x0);
   script +=
       leftKnee ? "set xlabel '← lateral    z (mm)    medial →'\n" : "set xlabel '← medial    z (mm)    lateral →'\n";
-  script += h > 270 ? "set ylabel '← posterior    x (mm)    anterior →'\n" : "set ylabel 'x (mm)    anterior →'\n";
+  if (!anatomical) script += "set xlabel 'z (mm)'\nset ylabel 'x (mm)'\n";
+  else script += h > 270 ? "set ylabel '← posterior    x (mm)    anterior →'\n" : "set ylabel 'x (mm)    anterior →'\n";
   for (int p = 0; p < count; ++p) {
     const MapPanel& panel = panels[static_cast<size_t>(p)];
     const double px = (p % columns) * cellW + (columns * cellW < W ? (W - cellW) / 2 : 0) + left;
@@ -404,7 +405,7 @@ std::string writeMapPlot(OutputFolder& out, const std::string& name, const conta
           "(MPa)' offset 0,0.2\n",
           barX / W, barY / H, barW / W, 22.0 / H);
       script += fmt::format(
-          "set label 101 'seen from above; grey: elements out of contact; + center of pressure' at screen "
+          "set label 101 'seen along -y; grey: elements out of contact; + center of pressure' at screen "
           "{:.5f},{:.5f} "
           "center font ',11' tc rgb '#404040'\n",
           (barX + barW / 2) / W, (barY + 40) / H);

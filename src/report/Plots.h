@@ -20,7 +20,7 @@ std::vector<std::string> writeMotionPlots(OutputFolder& out, const scene::Scene&
 /** Forces of the elements, one plot per keyword: the strongest kMaxElementCurves, and how many more there are. Muscles also with their
  activation. */
 std::vector<std::string> writeElementPlots(OutputFolder& out, const scene::Trajectory& trajectory);
-inline constexpr int kMaxElementCurves = 12;
+inline constexpr int kMaxElementCurves = 10;
 
 /** Scalar force and torque of each compartment over time. */
 std::string writeForcePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory);
@@ -35,8 +35,9 @@ struct MapPanel {
   std::vector<contact::NetLoad> loads;
 };
 
-/** Pressure maps seen from above, anterior up, one panel per instant, one colour scale. */
+/** Pressure maps, one panel per instant, one colour scale: seen from above, anterior up, or with plain axes where the fixed frame is not
+ that of a tibia (`anatomical` false: a patella). */
 std::string writeMapPlot(OutputFolder& out, const std::string& name, const contact::ContactPairDefinition& definition,
-                         const std::vector<MapPanel>& panels, bool leftKnee);
+                         const std::vector<MapPanel>& panels, bool leftKnee, bool anatomical = true);
 
 }  // namespace genu::report

@@ -266,7 +266,9 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
     }
     if (info.plots && !panels.empty()) {
       output.scripts.push_back(writeMapPlot(out, pairs.size() > 1 ? "pressure_map_" + pairName : "pressure_map",
-                                            pair.definition(), panels, info.leftKnee));
+                                            pair.definition(), panels, info.leftKnee,
+                                            // The first pair's fixed body is the tibia; another one's axes are its own.
+                                            scene.contacts[p].fixedBody == scene.contacts[0].fixedBody));
     }
   }
   if (!maps.empty()) writePvd(out.file("pressure.pvd"), maps);
