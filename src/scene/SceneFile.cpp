@@ -1182,6 +1182,9 @@ class SceneReader : private ElementContext {
     getModel(node);
     for (const auto& [name, value] : node.items()) {
       checkName(value, name);
+      for (const auto& other : scene_.elements) {  // names become columns of one table
+        if (other->name == name) value.fail("the name is taken by " + other->key() + "; every force element has its own");
+      }
       std::shared_ptr<ElementDefinition> element = reader(value, *this);
       if (!element) value.fail("the reader of \"" + keyword + "\" made nothing of it");
       element->keyword = keyword;

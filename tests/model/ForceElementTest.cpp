@@ -544,6 +544,8 @@ TEST(ForceElements, BadInputNamesPlaceValueAndRange) {
   EXPECT_THAT(errorOf("wraps: {drum: {body: ground, cylinder: {R: 0 mm}}}\n"), HasSubstr("wraps.drum.cylinder.R"));
   EXPECT_THAT(errorOf("wraps: {drum: {body: ground, sphere: {R: 9 mm}, side: x}}\n"), HasSubstr("is for cylinders"));
   EXPECT_THAT(errorOf("poses: {up: {}}\n"), HasSubstr("poses.up"));
+  EXPECT_THAT(errorOf(ligament(good) + "springs:\n  band: {stiffness: 1 N/mm, rest: {length: 1 mm}, path: [{body: ground, at: \"0 mm, 0 mm, 0 mm\"}, {body: body, at: \"0 mm, 9 mm, 0 mm\"}]}\n"),
+              AllOf(HasSubstr("springs.band"), HasSubstr("taken by ligaments.band")));
   EXPECT_THAT(errorOf("ligamentes: {}\n"), HasSubstr("did you mean \"ligaments\""));
 }
 
