@@ -50,7 +50,7 @@ struct ExperimentOptions {
   std::string grid, joint = "tibiofemoral";
   std::string cut;                   ///< elements whose names begin with it are left out
   std::vector<double> flexions_deg;  ///< empty: the experiment's own
-  std::optional<double> load;        ///< N or N m; absent: the experiment's own
+  std::string load;                  ///< N or N m, or with a unit; empty: the experiment's own
   bool noPlots = false;
 };
 

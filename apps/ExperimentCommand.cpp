@@ -9,6 +9,7 @@
 #include "Commands.h"
 #include "genu/io/Files.h"
 #include "genu/io/Suggest.h"
+#include "genu/io/Units.h"
 #include "genu/model/Experiments.h"
 #include "genu/report/Gnuplot.h"
 #include "genu/report/OutputFolder.h"
@@ -119,9 +120,18 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
   const auto coordinates = scene.coordinates();
   size_t first = 0;
   while (first < coordinates.size() && coordinates[first].joint != options.joint) ++first;
-  const double load = options.load.value_or(kind.load);
-  if (kind.axis >= 0 && !(load > 0 && std::isfinite(load))) throw InputError(fmt::format("--load {}: allowed: > 0 {}", load, kind.loadUnit));
-  std::vector<double> angles = options.flexions_deg;
+  double load = kind.load;
+  if (!options.load.empty()) {
+    if (kind.axis < 0) throw InputError("--load: " + options.name + " has no load");
+    const bool bare = options.load.find_first_not_of("0123456789.+-eE") == std::string::npos;
+    load = bare ? io::parseNumber(options.load, "--load")
+                : io::parseQuantity(options.load, kind.axis < 3 ? io::Dimension::moment : io::Dimension::force, "--load");
+    if (!(load > 0)) throw InputError(fmt::format("--load {}: allowed: > 0 {}", options.load, kind.loadUnit));
+  }
+  std::vector<double> angles;
+  for (const double angle : options.flexions_deg) {
+    if (std::find(angles.begin(), angles.end(), angle) == angles.end()) angles.push_back(angle);
+  }
   if (angles.empty()) angles = kind.axis < 0 ? std::vector<double>{120} : std::vector<double>{0, 30, 60, 90};
   std::vector<Run> runs;
   bool complete = true;
@@ -194,17 +204,27 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
                                        : fmt::format("{:g} {:.6g} nan nan\n", run.flexion_deg, moved);
         } else {
           row["problem"] = run.result.trajectory.statusText;
-          fmt::print("{:>8g}  {:<10} {:>12} {}\n", run.flexion_deg, direction, "-", run.result.trajectory.statusText);
+          const double reached = run.result.load.empty() ? 0 : std::abs(run.result.load.back());
+          fmt::print("{:>8g}  {:<10} {:>12} no equilibrium beyond {:.3g} {}\n", run.flexion_deg, direction, "-", reached, kind.loadUnit);
         }
         json["laxity"].push_back(row);
       }
       data += "\n\n";
     }
-    script += fmt::format(
-        "set xrange [-5:*]\nset offsets 0, graph 0.05, graph 0.05, 0\nset yrange [0:*]\nset datafile missing 'nan'\nplot '{0}.dat' index 0 using 1:(($3+$4)/2):3:4 with yerrorbars lw 2 pt 0 lc rgb '#888888' title 'published, {1}', \\\n"
-        "     '' index 1 using 1:(($3+$4)/2):3:4 with yerrorbars lw 2 dt 2 pt 0 lc rgb '#bbbbbb' title 'published, {2}', \\\n"
-        "     '' index 0 using 1:2 with linespoints lw 2.5 pt 7 lc rgb '{3}' title '{1}', '' index 1 using 1:2 with linespoints lw 2.5 pt 5 lc rgb '{4}' title '{2}'\n",
-        options.name, kind.positive, kind.negative, kColors[0], kColors[1]);
+    script += fmt::format("set xrange [-5:*]\nset offsets 0, graph 0.05, graph 0.05, 0\nset yrange [0:*]\nset datafile missing 'nan'\nplot ");
+    const std::array<const char*, 2> directions = {kind.positive, kind.negative};
+    for (size_t k = 0; k < directions.size(); ++k) {
+      const bool known = std::any_of(runs.begin(), runs.end(), [&](const Run& run) {
+        return run.direction == directions[k] && findPublished(kind, directions[k], options.cut, run.flexion_deg) != nullptr;
+      });
+      if (!known) continue;
+      script += fmt::format("'{0}.dat' index {1} using 1:(($3+$4)/2):3:4 with yerrorbars lw 2 pt 0 lc rgb '#888888' title 'published, {2}', \\\n     ",
+                            options.name, k, directions[k]);
+    }
+    for (size_t k = 0; k < directions.size(); ++k) {
+      script += fmt::format("'{0}.dat' index {1} using 1:2 with linespoints lw 2.5 pt {2} lc rgb '{3}' title '{4}'{5}", options.name, k, k == 0 ? 7 : 5,
+                            kColors[k], directions[k], k == 0 ? ", \\\n     " : "\n");
+    }
   } else {
     const auto& run = runs.front();
     data = "# flexion_deg";

@@ -102,6 +102,14 @@ const char* describe(contact::Correction correction) {
   return "";
 }
 
+std::string describe(const musculoskeletal::WrapSurface& surface) {
+  using Shape = musculoskeletal::WrapSurface::Shape;
+  const auto& a = surface.halfAxes_m;
+  if (surface.shape == Shape::sphere) return fmt::format("sphere R {:g} mm", a.x() * 1e3);
+  if (surface.shape == Shape::ellipsoid) return fmt::format("ellipsoid {:g}, {:g}, {:g} mm", a.x() * 1e3, a.y() * 1e3, a.z() * 1e3);
+  return fmt::format("cylinder R {:g} mm{}", a.x() * 1e3, surface.side ? ", passed on one side" : "");
+}
+
 bool isRigid(const contact::Thickness& t) { return std::holds_alternative<contact::RigidBody>(t.source); }
 bool needsMap(const contact::Thickness& t) {
   return std::holds_alternative<contact::BackSurface>(t.source) || std::holds_alternative<contact::RadialThickness>(t.source);
@@ -147,6 +155,8 @@ void explainModel(const Scene& scene) {
                                            : "";
     fmt::print("  {:<{}} free, {}{}{}\n", c.name, width, start, damping, limits);
   }
+  const auto& g = model.gravity_mPerS2;
+  if (g[0] != 0 || g[1] != 0 || g[2] != 0) fmt::print("Gravity: {:g}, {:g}, {:g} m/s^2 in the axes of the root link\n", g[0], g[1], g[2]);
   if (!scene.loads.empty() || !scene.generalizedLoads.empty()) fmt::print("Loads:\n");
   for (const auto& load : scene.loads) {
     const auto at = [&load](size_t axis) { return describe(load.point_m[axis], "mm"); };
@@ -163,6 +173,11 @@ void explainModel(const Scene& scene) {
   for (const auto& load : scene.generalizedLoads) {
     const scene::CoordinateInfo& c = coordinates[static_cast<size_t>(load.coordinate)];
     fmt::print("  {}: on coordinate {}, {}\n", load.name, c.name, describe(load.value, c.isAngle ? "N m" : "N"));
+  }
+  if (!scene.wraps.empty()) fmt::print("wraps:\n");
+  for (const auto& wrap : scene.wraps) {
+    const musculoskeletal::WrapSurface& surface = wrap.surface;
+    fmt::print("  {}: {} of {}\n", wrap.name, describe(surface), wrap.body);
   }
   std::string keyword;
   for (const auto& element : scene.elements) {

@@ -107,7 +107,8 @@ int run(int argc, char** argv) {
                     "Write what was computed before a failure, marked incomplete");
   addCommonOptions(*command, common);
   command->footer(std::string("\nExample:\n  genu series models/knee_with_ligaments/natural.yaml --output flexion\n\n"
-                              "Each equilibrium starts from the one before; tables of the scene are read at each time.\n") +
+                              "Times: analysis.series, {duration, output_interval}. Each equilibrium starts from the one before; tables of the\n"
+                              "scene are read at each time.\n") +
                   kExitCodes);
   actions[command] = [&] { return runSeriesCommand(runOptions, common); };
 
@@ -117,15 +118,17 @@ int run(int argc, char** argv) {
   command->add_option("-o,--output", experimentOptions.output, "Folder for the results; default: results/SCENE-NAME")->type_name("DIR");
   command->add_option("--grid", experimentOptions.grid, "Elements of every compartment instead of the scene's")->type_name("NXxNZ");
   command->add_option("--joint", experimentOptions.joint, "The floating joint that is the knee, femur in tibia")->capture_default_str();
-  command->add_option("--flexion", experimentOptions.flexions_deg, "Flexion angles in deg; default: 0 30 60 90, passive-flexion: to 120")->type_name("DEG");
-  command->add_option("--load", experimentOptions.load, "Load in N or N m; default: drawer 90, varus-valgus 10, rotation 4")->type_name("LOAD");
+  command->add_option("--flexion", experimentOptions.flexions_deg, "Flexion angles in deg, as in --flexion 0 30; default: 0 30 60 90, passive-flexion: to 120")->type_name("DEG");
+  command->add_option("--load", experimentOptions.load, "Load, in both directions: a number in N or N m, or with a unit; default: drawer 90, varus-valgus 10, rotation 4")->type_name("LOAD");
   command->add_option("--cut", experimentOptions.cut, "Leave out force elements whose names begin so, e.g. ACL")->type_name("PREFIX");
   command->add_flag("--no-plots", experimentOptions.noPlots, "No plots");
   addCommonOptions(*command, common);
   command->footer(std::string("\nExamples:\n  genu experiment passive-flexion models/knee_with_ligaments/natural.yaml\n"
                               "  genu experiment drawer models/knee_with_ligaments/natural.yaml --cut ACL --output acl_cut\n\n"
                               "Bends the knee in steps of 3 deg, then loads it in 18 steps; every step is a static equilibrium.\n"
-                              "The scene's own loads stay on.\n") +
+                              "The scene's own loads stay on; tables over time are refused. Motion is what the tibia does: drawer in mm,\n"
+                              "rotations in deg, beside figures of cadavers or volunteers where they were found (docs/experiments.md).\n"
+                              "Results: NAME.csv with every step, summary.json, plots/NAME.png.\n") +
                   kExitCodes);
   actions[command] = [&] { return runExperimentCommand(experimentOptions, common); };
 

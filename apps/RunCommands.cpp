@@ -169,6 +169,7 @@ int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
   {
     ProgressMeter meter("static analysis", common.console);
     model::KneeSystem knee(scene);
+    for (const auto& warning : knee.listTableWarnings()) spdlog::warn("{}", warning);
     knee.contact().setTaskRunner(runner.get());
     result = model::runStatic(knee, scene, meter.callback());
   }
@@ -211,6 +212,7 @@ int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
   {
     ProgressMeter meter("gait", common.console);
     model::KneeSystem knee(scene);
+    for (const auto& warning : knee.listTableWarnings()) spdlog::warn("{}", warning);
     knee.contact().setTaskRunner(runner.get());
     result = model::runGait(knee, scene, meter.callback());
   }
@@ -221,6 +223,9 @@ int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
 int runSeriesCommand(const RunOptions& options, const CommonOptions& common) {
   installInterruptHandler(false);
   const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
+  if (!scene.series) {
+    throw InputError(scene.where("analysis.series") + ": is missing; write \"series: {duration: 1 s, output_interval: 0.05 s}\" below \"analysis:\"");
+  }
   const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-series"));
   report::OutputFolder::check(folder);
   const report::RunInfo info = makeInfo("series", folder, scene, options, common);
@@ -230,6 +235,7 @@ int runSeriesCommand(const RunOptions& options, const CommonOptions& common) {
   {
     ProgressMeter meter("series", common.console);
     model::KneeSystem knee(scene);
+    for (const auto& warning : knee.listTableWarnings()) spdlog::warn("{}", warning);
     knee.contact().setTaskRunner(runner.get());
     result = model::runSeries(knee, scene, meter.callback());
   }
@@ -242,6 +248,7 @@ int runReplayCommand(const RunOptions& options, const CommonOptions& common) {
   CommonOptions stored = common;
   if (!run.dataFolder.empty()) stored.dataFolder = run.dataFolder;
   const scene::Scene scene = scene::readScene(run.sceneFile, makeReadOptions(stored, options.grid, false));
+  if (scene.contacts.empty()) throw InputError(options.scene.string() + ": the run's scene has no contact; replay evaluates contact alone");
   fs::path fallback = fs::absolute(options.scene).lexically_normal();
   if (!fallback.has_filename()) fallback = fallback.parent_path();
   fallback += options.grid.empty() ? "-replay" : "-replay-" + options.grid;

@@ -1,4 +1,5 @@
 #include <filesystem>
+#include <algorithm>
 #include <sstream>
 
 #include "KneeAnatomy.h"
@@ -229,9 +230,19 @@ void makeMusculoskeletalKnee(const std::filesystem::path& folder) {
   writeText(folder / "knee.urdf", makeUrdf());
   writeText(folder / "isometric.yaml", makeIsometricScene());
   writeText(folder / "leg_extension.yaml", makeExtensionScene());
-  // Raised enough to lift the shank (10 N m when it is straight), lowered before the knee is straight: assumed.
-  writeText(folder / "excitation.csv",
-            "time,quadriceps\n0,0.01\n0.05,0.01\n0.15,0.12\n0.30,0.12\n0.40,0.04\n0.60,0.04\n");
+  // Raised enough to lift the shank (10 N m when it is straight), lowered before the knee is straight: assumed. Rows every
+  // 10 ms: the curve through fewer would swing beyond them where the ramps begin.
+  std::ostringstream excitation;
+  excitation << "time,quadriceps\n";
+  for (int i = 0; i <= 60; ++i) {
+    const double t = 0.01 * i;
+    const auto ramp = [t](double from) {
+      const double s = std::clamp((t - from) / 0.1, 0.0, 1.0);
+      return s * s * (3 - 2 * s);
+    };
+    excitation << writeNumber(t, 2) << ',' << writeNumber(0.01 + 0.11 * ramp(0.05) - 0.08 * ramp(0.30), 5) << '\n';
+  }
+  writeText(folder / "excitation.csv", excitation.str());
 }
 
 }  // namespace genu::make_models

@@ -130,6 +130,18 @@ std::string usage(Dimension dimension) {
 }
 
 /** "N s/mm" = N s / mm. A product after a quotient ("N/mm s") is refused, because readers disagree on it. */
+/** "Ns" to "N s": units written without the blank between them; empty when it is no such product. Longest names first. */
+std::string splitProduct(const std::string& text, const std::vector<std::string>& names) {
+  for (size_t length = text.size() - (text.empty() ? 0 : 1); length > 0; --length) {
+    const std::string head = text.substr(0, length), tail = text.substr(length);
+    if (std::find(names.begin(), names.end(), head) == names.end()) continue;
+    if (std::find(names.begin(), names.end(), tail) != names.end()) return head + " " + tail;
+    const std::string rest = splitProduct(tail, names);
+    if (!rest.empty()) return head + " " + rest;
+  }
+  return {};
+}
+
 std::optional<Unit> parseUnitExpression(const std::string& text, std::string& problem) {
   Unit result;
   size_t i = 0;
@@ -177,7 +189,8 @@ std::optional<Unit> parseUnitExpression(const std::string& text, std::string& pr
     if (found == kSymbols.end()) {
       std::vector<std::string> names;
       for (const Symbol& s : kSymbols) names.push_back(s.name);
-      const std::string nearest = symbol.size() > 1 ? findNearest(symbol, names) : std::string();
+      const std::string split = splitProduct(symbol, names);
+      const std::string nearest = !split.empty() ? split : symbol.size() > 1 ? findNearest(symbol, names) : std::string();
       problem = "unknown unit " + quote(symbol.empty() ? text : symbol);
       if (!nearest.empty()) problem += " (did you mean \"" + nearest + "\"?)";
       return std::nullopt;

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "genu/io/Suggest.h"
+#include "genu/model/KneeSystem.h"
 
 namespace genu::model {
 
@@ -56,7 +57,12 @@ KneeExperimentResult runKneeExperiment(const scene::Scene& given, const KneeExpe
   }
   scene.series = scene::SeriesSpec{static_cast<double>(n - 1), 1.0};
   if (n == 1) scene.series->duration_s = 1e-9;  // one equilibrium, twice
-  result.trajectory = runSeries(scene, progress);
+  KneeSystem knee(scene);
+  for (const std::string& table : knee.listTables()) {
+    if (table.rfind(flexion.source, 0) == 0 || table.rfind(load.source, 0) == 0) continue;
+    throw InputError(given.file.string() + ": an experiment has no time, but the scene has a table over time: " + table + "; give a constant there");
+  }
+  result.trajectory = runSeries(knee, scene, progress);
   if (n == 1 && result.trajectory.frames.size() > 1) result.trajectory.frames.pop_back();
   const size_t done = result.trajectory.frames.size();
   result.flexion_rad.resize(done);

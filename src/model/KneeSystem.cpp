@@ -1,6 +1,8 @@
 #include "genu/model/KneeSystem.h"
 
 #include <cmath>
+#include <map>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -209,11 +211,11 @@ void KneeSystem::addContacts(const std::vector<std::shared_ptr<const contact::Co
 void KneeSystem::addLoads() {
   const std::string file = scene_.file.string();
   for (const scene::LoadSpec& load : scene_.loads) {
-    const std::string where = file + ": load '" + load.name + "'";
+    const std::string where = "loads." + load.name;
     const std::string use = "load '" + load.name + "'";
-    const LinkFrame bodyFrame = findFrame(urdf_, load.body, where + ", body");
-    const LinkFrame axes = findFrame(urdf_, load.frame, where + ", frame");
-    const LinkFrame point = findFrame(urdf_, load.pointBody.empty() ? load.body : load.pointBody, where + ", point");
+    const LinkFrame bodyFrame = findFrame(urdf_, load.body, scene_.where(where + ".body"));
+    const LinkFrame axes = findFrame(urdf_, load.frame, scene_.where(where + ".frame"));
+    const LinkFrame point = findFrame(urdf_, load.pointBody.empty() ? load.body : load.pointBody, scene_.where(where + ".point.body"));
     auto* force = new BodyLoad();
     SimTK::Force::Custom handle(forces_, force);  // owns it from here on
     force->body = body(bodyFrame.link);
@@ -329,7 +331,37 @@ std::shared_ptr<const TimeCurve> KneeSystem::addCurve(const scene::TimeFunction&
 }
 
 void KneeSystem::checkTablesCover(double t0_s, double t1_s) const {
-  for (const NamedCurve& entry : curves_) entry.curve->checkCovers(t0_s, t1_s, entry.use);
+  for (const NamedCurve& entry : curves_) entry.curve->checkCovers(t0_s, t1_s, scene_.file.string() + ": " + entry.use);
+}
+
+std::vector<std::string> KneeSystem::listTables() const {
+  std::vector<std::string> tables;
+  for (const NamedCurve& entry : curves_) {
+    if (!entry.curve->isConstant()) tables.push_back(entry.curve->source() + " (" + entry.use + ")");
+  }
+  return tables;
+}
+
+std::vector<std::string> KneeSystem::listTableWarnings() const {
+  constexpr double kTolerated = 0.02;
+  std::map<std::string, std::pair<const NamedCurve*, int>> bySource;
+  for (const NamedCurve& entry : curves_) {
+    if (entry.curve->findOvershoot().share <= kTolerated) continue;
+    auto& [first, count] = bySource[entry.curve->source()];
+    if (count++ == 0) first = &entry;
+  }
+  std::vector<std::string> warnings;
+  for (const auto& [source, found] : bySource) {
+    const TimeCurve::Overshoot overshoot = found.first->curve->findOvershoot();
+    std::ostringstream text;
+    text.precision(3);
+    text << source << " (" << found.first->use;
+    if (found.second > 1) text << " and " << found.second - 1 << " more";
+    text << "): the curve through the rows leaves the range of their values by " << 100 * overshoot.share << " % of it, to "
+         << overshoot.value << " (SI) at t = " << overshoot.time_s << " s; give it more rows there";
+    warnings.push_back(text.str());
+  }
+  return warnings;
 }
 
 }  // namespace genu::model

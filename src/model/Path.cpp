@@ -51,7 +51,7 @@ void Path::Point::evaluate(double at, Vec3& p, Vec3& dp) const {
 Path::Path(const scene::PathDefinition& definition, const scene::Scene& scene, const UrdfModel& urdf, const std::string& where) {
   for (size_t i = 0; i < definition.points.size(); ++i) {
     const scene::PathPoint& given = definition.points[i];
-    const LinkFrame frame = findFrame(urdf, given.body, where + "[" + std::to_string(i) + "], body");
+    const LinkFrame frame = findFrame(urdf, given.body, where + ", point " + std::to_string(i + 1));
     Point point;
     point.body = addLink(frame.link);
     point.point_m = frame.X_LinkFrame.apply(given.point_m);

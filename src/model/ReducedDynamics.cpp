@@ -63,7 +63,8 @@ const SimTK::State& ReducedDynamics::setPose(const VectorXd& z) {
 EvaluationStatus ReducedDynamics::evaluate(const SimTK::Vector& udot, VectorXd& r) {
   const SimTK::MultibodySystem& system = knee_.system();
   EvaluationStatus status = knee_.contact().getStatus(state_);
-  if (isValid(status) && !knee_.findElementProblem(state_).empty()) status = EvaluationStatus::notConverged;
+  problem_ = isValid(status) ? knee_.findElementProblem(state_) : std::string();
+  if (!problem_.empty()) status = EvaluationStatus::notConverged;
   r.resize(numFree());
   system.realize(state_, SimTK::Stage::Dynamics);
   // M udot + bias - applied forces: the force that would have to be added.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <vector>
 
 #include "genu/contact/ContactPair.h"
@@ -48,6 +49,8 @@ class ReducedDynamics {
   /** Sets the pose and returns the State, realized to Position. */
   const SimTK::State& setPose(const Eigen::VectorXd& z);
   bool hasContact() const;
+  /** What an element said of the last evaluation, KneeSystem::findElementProblem(); empty: nothing. */
+  const std::string& elementProblem() const { return problem_; }
   const SimTK::State& state() const { return state_; }
   const KneeSystem& knee() const { return knee_; }
 
@@ -60,6 +63,7 @@ class ReducedDynamics {
   std::vector<int> free_, index_;  // coordinate, and its place in the State's q and u
   std::vector<double> scale_;      // q = scale z
   SimTK::Vector residual_, zeroUDot_, udot_;
+  std::string problem_;
 };
 
 }  // namespace genu::model

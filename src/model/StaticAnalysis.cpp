@@ -47,6 +47,7 @@ struct Outcome {
   bool converged = false, interrupted = false, sawFullPenetration = false, touched = false;
   int iterations = 0;
   std::string reason;
+  std::string elementProblem;  ///< why a force element made the start invalid
 };
 
 class Settling {
@@ -247,6 +248,7 @@ Outcome Settling::iterateNewton(VectorXd& z, VectorXd& r) {
   Outcome outcome;
   const int n = dynamics_.numFree();
   if (!ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r))) {
+    outcome.elementProblem = dynamics_.elementProblem();
     outcome.reason = "the start is not a valid pose";
     return outcome;
   }
@@ -354,6 +356,7 @@ Outcome Settling::integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcc
   constexpr int kMaxSteps = 2000;
   Outcome outcome;
   if (!ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r))) {
+    outcome.elementProblem = dynamics_.elementProblem();
     outcome.reason = "the start is not a valid pose";
     return outcome;
   }
@@ -515,6 +518,10 @@ StaticResult Settling::run() {
       }
     }
   } else {
+    if (!outcome.elementProblem.empty()) {
+      result.statusText = "no equilibrium found, the start is not a valid pose: " + outcome.elementProblem;
+      return result;
+    }
     result.statusText = "no equilibrium found: " + outcome.reason +
                         "; check that the loads press the bodies together and that every free coordinate is held by "
                         "contact or a spring, or try another start";

@@ -106,6 +106,27 @@ double TimeCurve::calcDerivative(double t, int order) const {
   }
 }
 
+TimeCurve::Overshoot TimeCurve::findOvershoot() const {
+  Overshoot worst;
+  if (isConstant()) return worst;
+  const auto [low, high] = std::minmax_element(value_.begin(), value_.end());
+  const double range = *high - *low;
+  for (size_t i = 0; range > 0 && i + 1 < time_.size(); ++i) {
+    const double h = time_[i + 1] - time_[i], m0 = second_[i], third = (second_[i + 1] - m0) / h;
+    const double slope = calcDerivative(time_[i], 1);
+    // Extremes within the interval: slope + m0 s + third s^2 / 2 = 0, by the form that does not cancel.
+    const double discriminant = m0 * m0 - 2 * third * slope;
+    if (discriminant < 0) continue;
+    const double q = -(m0 + std::copysign(std::sqrt(discriminant), m0));
+    for (const double s : {q / third, 2 * slope / q}) {
+      if (!(s > 0 && s < h)) continue;
+      const double t = time_[i] + s, y = calcValue(t), share = std::max(y - *high, *low - y) / range;
+      if (share > worst.share) worst = {share, t, y};
+    }
+  }
+  return worst;
+}
+
 void TimeCurve::checkCovers(double t0, double t1, const std::string& use) const {
   if (isConstant()) return;
   // A table written with rounded times may end short of the run by its last digit.

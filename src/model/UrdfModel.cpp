@@ -10,6 +10,8 @@
 #include <mutex>
 #include <sstream>
 
+#include "genu/io/Suggest.h"
+
 namespace genu::model {
 
 namespace {
@@ -249,9 +251,9 @@ LinkFrame findFrame(const UrdfModel& model, const std::string& linkName, const s
   LinkFrame frame;
   frame.link = model.findLink(linkName);
   if (frame.link < 0) {
-    std::string names;
-    for (const UrdfLink& link : model.links) names += (names.empty() ? "'" : ", '") + link.name + "'";
-    throw InputError(use + ": " + model.file.string() + " has no link '" + linkName + "'; its links are " + names);
+    std::vector<std::string> names;
+    for (const UrdfLink& link : model.links) names.push_back(link.name);
+    throw InputError(use + ": " + model.file.string() + ": " + io::describeUnknown("link", linkName, names));
   }
   if (frame.link == model.floatingParent()) frame.X_LinkFrame = model.links[static_cast<size_t>(model.floatingChild)].joint->X_PF;
   return frame;
@@ -363,12 +365,12 @@ UrdfModel readUrdf(const scene::ModelSpec& spec) {
   }
 
   std::vector<scene::JointSpec> wanted = spec.joints;
-  if (wanted.empty()) wanted.push_back({spec.joint, scene::JointSpec::Kind::floating});
+  if (wanted.empty()) wanted.push_back({spec.joint, scene::JointSpec::Kind::floating, spec.jointPlace});
   for (const scene::JointSpec& joint : wanted) {
     if (parsed->getJoint(joint.name)) continue;
-    std::string names;
-    for (const auto& entry : parsed->joints_) names += (names.empty() ? "'" : ", '") + entry.first + "'";
-    throw InputError(name + ": has no joint '" + joint.name + "'; its joints are " + (names.empty() ? "none" : names));
+    std::vector<std::string> names;
+    for (const auto& entry : parsed->joints_) names.push_back(entry.first);
+    throw InputError((joint.place.empty() ? "" : joint.place + ": ") + name + ": " + io::describeUnknown("joint", joint.name, names));
   }
   UrdfModel model;
   model.file = file;

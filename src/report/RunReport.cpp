@@ -14,6 +14,7 @@
 
 #include "Plots.h"
 #include "genu/io/Files.h"
+#include "genu/io/Suggest.h"
 #include "genu/io/Table.h"
 #include "genu/report/ContactReport.h"
 #include "genu/report/ElementMesh.h"
@@ -570,9 +571,10 @@ ReferenceMotion readReferenceMotion(const fs::path& file, double duration_s, con
     }
   }
   if (reference.coordinate.empty()) {
-    throw InputError(
-        file.string() +
-        ": reference motion: no column is named after a coordinate and a unit, for example rx_deg or z_mm");
+    std::vector<std::string> wanted;
+    for (const auto& coordinate : coordinates) wanted.push_back(coordinate.name + "_" + coordinate.unit());
+    throw InputError(file.string() + ": reference motion: no column is named after a coordinate of the scene and its unit; known: " +
+                     io::joinNames(wanted));
   }
   return reference;
 }

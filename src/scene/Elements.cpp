@@ -189,17 +189,21 @@ std::string LigamentDefinition::describe() const {
   if (const auto* tension = std::get_if<Tension>(&slack)) {
     text += ", " + formatQuantity(tension->tension_N, "N") + " in pose " + tension->pose;
   }
-  return text + (dampingTime_s > 0 ? ", damped" : "");
+  if (toeStrain != LigamentDefinition{}.toeStrain) text += ", linear from a strain of " + formatQuantity(toeStrain, "%");
+  return text + (dampingTime_s > 0 ? ", damping " + formatQuantity(dampingTime_s, "s") : "");
 }
 
 std::string SpringDefinition::describe() const {
-  return describePath(path) + "; " + formatQuantity(stiffness_NPerM, "N/mm") + (tensionOnly ? ", tension only" : ", pulls and pushes") +
-         (damping_NSPerM > 0 ? ", damped" : "");
+  const std::string rest = restFromTension ? formatQuantity(restFromTension->tension_N, "N") + " in pose " + restFromTension->pose
+                                           : "rest length " + formatQuantity(restLength_m, "mm");
+  return describePath(path) + "; " + formatQuantity(stiffness_NPerM, "N/mm") + ", " + rest + (tensionOnly ? ", tension only" : ", pulls and pushes") +
+         (damping_NSPerM > 0 ? ", damping " + formatQuantity(damping_NSPerM, "N s/m") : "");
 }
 
 std::string MuscleDefinition::describe() const {
   std::string text = describePath(path) + "; " + formatQuantity(muscle.maxIsometricForce_N, "N") + ", fibres " +
-                     formatQuantity(muscle.optimalFibreLength_m, "mm") + ", " + (compliantTendon ? "compliant" : "rigid") + " tendon " +
+                     formatQuantity(muscle.optimalFibreLength_m, "mm") + " at " + formatQuantity(muscle.pennationAtOptimal_rad, "deg") + ", " +
+                     (compliantTendon ? "compliant" : "rigid") + " tendon " +
                      formatQuantity(muscle.tendonSlackLength_m, "mm") + ", excitation ";
   if (std::holds_alternative<TrackingController>(excitation)) return text + "tracks coordinate " + coordinateName;
   const auto& function = std::get<TimeFunction>(excitation);

@@ -968,7 +968,9 @@ class SceneReader : private ElementContext {
       }
       readJoints(*joints, model);
     } else {
-      model.joint = node.get("joint", "\"joint: tibiofemoral\" (or \"joints\" for several)").getText("the name of a joint of the URDF");
+      const SceneNode joint = node.get("joint", "\"joint: tibiofemoral\" (or \"joints\" for several)");
+      model.joint = joint.getText("the name of a joint of the URDF");
+      model.jointPlace = joint.where();
       model.coordinates.assign(6, FreeCoordinate{});
       const auto coordinates = node.find("coordinates");
       if (coordinates) {
@@ -988,12 +990,12 @@ class SceneReader : private ElementContext {
       const auto angle = joint.find("angle"), translation = joint.find("translation");
       if (angle || translation) {
         joint.requireKeys({angle ? "angle" : "translation"});
-        model.joints.push_back({name, angle ? JointSpec::Kind::rotation : JointSpec::Kind::translation});
+        model.joints.push_back({name, angle ? JointSpec::Kind::rotation : JointSpec::Kind::translation, joint.where()});
         model.coordinates.push_back(readCoordinate(angle ? *angle : *translation, angle ? Dimension::angle : Dimension::length));
         continue;
       }
       joint.requireKeys(kCoordinates);
-      model.joints.push_back({name, JointSpec::Kind::floating});
+      model.joints.push_back({name, JointSpec::Kind::floating, joint.where()});
       for (size_t i = 0; i < kCoordinates.size(); ++i) {
         // No default: a coordinate forgotten among many would be a free one.
         model.coordinates.push_back(readCoordinate(joint.get(kCoordinates[i], "\"" + kCoordinates[i] + ": free\" or {prescribed: ...}; a revolute joint has \"angle\", a prismatic one \"translation\""),
@@ -1237,6 +1239,10 @@ class SceneReader : private ElementContext {
     }
     if (wrap >= 0) wrapNode->fail("a path ends with a point");
     if (path.points.size() < 2) node.fail("has " + std::to_string(path.points.size()) + " point; two at least are needed");
+    const std::string& body = path.points.front().body;
+    const bool fixed = std::all_of(path.points.begin(), path.points.end(), [&](const PathPoint& p) { return p.body == body && p.coordinate < 0; }) &&
+                       std::all_of(path.wraps.begin(), path.wraps.end(), [&](int w) { return w < 0 || scene_.wraps[static_cast<size_t>(w)].body == body; });
+    if (fixed) node.fail("is on the link \"" + body + "\" alone: its length never changes; put one end on another link");
     return path;
   }
 

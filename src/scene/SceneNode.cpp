@@ -203,6 +203,15 @@ double SceneNode::getNonNegative(io::Dimension dimension) const {
   return value;
 }
 
+double SceneNode::getBetween(io::Dimension dimension, double lowest, double highest, const std::string& unit) const {
+  const double value = getQuantity(dimension);
+  if (!(value >= lowest && value <= highest)) {
+    const auto write = [&](double x) { return dimension == io::Dimension::dimensionless ? io::formatNumber(x) : io::formatQuantity(x, unit); };
+    fail(describe() + "; allowed: " + write(lowest) + " to " + write(highest));
+  }
+  return value;
+}
+
 size_t SceneNode::getChoice(const std::vector<std::string>& allowed) const {
   const std::string text = getText("one of " + io::joinNames(allowed));
   const auto found = std::find(allowed.begin(), allowed.end(), text);

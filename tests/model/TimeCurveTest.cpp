@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -97,6 +98,29 @@ TEST(TimeCurve, IsTwiceContinuouslyDifferentiable) {
       EXPECT_LT(std::abs(jump), 3 * step * next + 1e-11) << "knot " << i << ", derivative " << order;
     }
   }
+}
+
+// Against 20,000 samples, which miss an extreme by less than (h/2)^2 |S''| / 2 < 1e-6 here.
+TEST(TimeCurve, FindsWhereItLeavesTheRangeOfItsTable) {
+  EXPECT_EQ(TimeCurve{2.5}.findOvershoot().share, 0);
+  EXPECT_LT(TimeCurve{sample([](double t) { return t; }, 0, 1, 7)}.findOvershoot().share, 1e-12);
+  const auto step = [](double t) { return t < 0.5 ? -2.0 : 3.0; };
+  const auto wave = [](double t) { return std::sin(11 * t); };
+  for (const scene::TimeSeries& table : {sample(step, 0, 1, 8), sample(wave, 0, 1, 9), sample(wave, 0, 1, 3)}) {
+    const TimeCurve curve(table);
+    const auto [low, high] = std::minmax_element(table.value.begin(), table.value.end());
+    double outside = 0;
+    for (int i = 0; i <= 20000; ++i) {
+      const double y = curve.calcValue(i / 20000.0);
+      outside = std::max({outside, y - *high, *low - y});
+    }
+    const TimeCurve::Overshoot found = curve.findOvershoot();
+    EXPECT_NEAR(found.share * (*high - *low), outside, 1e-6);
+    if (found.share > 0) {
+      EXPECT_EQ(curve.calcValue(found.time_s), found.value);
+    }
+  }
+  EXPECT_GT(TimeCurve{sample(step, 0, 1, 8)}.findOvershoot().share, 0.1);
 }
 
 TEST(TimeCurve, RejectsBadTablesNamingSourceAndRow) {

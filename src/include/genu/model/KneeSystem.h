@@ -84,6 +84,10 @@ class KneeSystem {
   std::shared_ptr<const TimeCurve> addCurve(const scene::TimeFunction& function, const std::string& use);
   /** @throws InputError when a table does not reach from t0 to t1 */
   void checkTablesCover(double t0_s, double t1_s) const;
+  /** Every table over time: its source, and in brackets what it is for. */
+  std::vector<std::string> listTables() const;
+  /** Tables whose curve leaves the range of their values by more than 2 % of it: a jump with too few rows. */
+  std::vector<std::string> listTableWarnings() const;
 
  private:
   void addBodies();

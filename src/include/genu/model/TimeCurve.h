@@ -30,6 +30,13 @@ class TimeCurve {
   /** @throws InputError when the table does not reach from t0 to t1; `use` names what the table is for */
   void checkCovers(double t0_s, double t1_s, const std::string& use) const;
 
+  /** How far the curve leaves the range of the table's values, as a share of that range, and where; 0 for a constant. */
+  struct Overshoot {
+    double share = 0, time_s = 0, value = 0;
+  };
+  Overshoot findOvershoot() const;
+  const std::string& source() const { return source_; }
+
  private:
   std::vector<double> time_, value_, second_;  // second derivatives at the points
   double constant_ = 0;

@@ -44,6 +44,7 @@ struct JointSpec {
   enum class Kind { floating, rotation, translation };
   std::string name;
   Kind kind = Kind::floating;
+  std::string place = {};  ///< "scene.yaml:8: model.joints.knee", for messages; may be empty
 
   int numCoordinates() const { return kind == Kind::floating ? 6 : 1; }
 };
@@ -52,6 +53,7 @@ struct ModelSpec {
   std::filesystem::path urdf;  ///< absolute
   /** The only joint, floating: its parent link is F, its child link M, and coordinates have no prefix. Empty when `joints` names them. */
   std::string joint;
+  std::string jointPlace;  ///< as JointSpec::place
   std::vector<JointSpec> joints;
   std::array<double, 3> gravity_mPerS2 = {0, 0, 0};  ///< in ground
   std::vector<CoordinateSpec> coordinates = std::vector<CoordinateSpec>(6);  ///< of all joints, in their order

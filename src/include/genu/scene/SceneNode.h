@@ -64,6 +64,8 @@ class SceneNode {
   double getPositive(io::Dimension dimension) const;
   /** >= 0 */
   double getNonNegative(io::Dimension dimension) const;
+  /** lowest to highest, both in SI and both allowed; the message writes them in `unit`. */
+  double getBetween(io::Dimension dimension, double lowest, double highest, const std::string& unit) const;
   /** Index of the text in `allowed`. */
   size_t getChoice(const std::vector<std::string>& allowed) const;
 
