@@ -394,6 +394,31 @@ muscles:
   EXPECT_NEAR(valueOf(result.elementColumns, result.elements, "lifter.force_N"), 20, 2e-6);
 }
 
+// The table is linear, and so is the spline through it: e0 = 0.05 at half of the time.
+TEST(ForceElements, TrackingControllerWithFeedForward) {
+  const TemporaryFile file("lift.urdf", liftUrdf());
+  const TemporaryFile table("rest.csv", "time,e\n0,0.02\n0.25,0.035\n0.75,0.065\n1,0.08\n");
+  const auto scene = [&](const std::string& rest) {
+    return liftModel(file.path(), "{free: {start: -150 mm}}") + R"(
+muscles:
+  lifter: {max_force: 100 N, fibre_length: 60 mm, tendon_length: 90 mm, excitation: {track: {coordinate: lift.translation, target: -145 mm, gain: 0.1 1/mm, rest: )" +
+           rest + R"(}},
+           path: [{body: ground, at: "0 mm, 0 mm, 0 mm"}, {body: body, at: "0 mm, 0 mm, 0 mm"}]}
+analysis: {static: {time: 0.5 s}}
+)";
+  };
+  const StaticResult result = solve(scene("{table: " + table.path().string() + ", column: e, unit: 1}"));
+  EXPECT_NEAR(valueOf(result.elementColumns, result.elements, "lifter.excitation"), 0.05 + 100 * (-0.145 - result.q[0]), 1e-9);
+  EXPECT_NEAR(result.q[0], solve(scene("0.05")).q[0], 1e-9);
+  const TemporaryFile high("high.csv", "time,e\n0,0.02\n1,1.2\n");
+  try {
+    solve(scene("{table: " + high.path().string() + ", column: e, unit: 1}"));
+    FAIL() << "no error";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("is 1.2 at 1 s"));
+  }
+}
+
 // A stop of 10 N/mm below -20 mm carries the 20 N with 2 mm.
 TEST(ForceElements, StopHoldsTheCoordinate) {
   const TemporaryFile file("lift.urdf", liftUrdf());
