@@ -18,9 +18,10 @@ constexpr double kValley = 5;  // sqrt(zeta^2 + 5^2) - 5 in place of |zeta|: ass
 // 18.9 medial of the groove, next to the middles of the condyles (21.7 and 22.8), and 4.1 above it on average (bone of
 // 87 healthy knees: 6.04, PMC5134791).
 constexpr double kFlankEnd = 16, kRidgeRadius = 12, kTrochleaHalfWidth = 25;
-// Superior: beyond the contact in extension, where the real surface runs on to the shaft. Distal: beyond the bottom,
-// where the real one ends at the notch: flexion above 90 degrees is not represented.
-constexpr double kSuperiorEnd = -135 * kDegree, kDistalEnd = 20 * kDegree;
+// Superior: beyond the contact in extension, where the real surface runs on to the shaft. Distal: the real groove ends at
+// the notch, near 20 degrees beyond the bottom, and the patella then rides on both condyles; here the groove goes on in
+// their place (assumed), so that flexion above 90 degrees is possible, and no more than that.
+constexpr double kSuperiorEnd = -135 * kDegree, kDistalEnd = 75 * kDegree;
 
 // Articular face: 34.4 x 42.9 is the bone, its area 1343 mm^2 (natural knee's source); here a rectangle. From top to
 // bottom it is convex, of a radius that was not found; 60 was chosen, of 35, 60 and straight, by its motion: the
@@ -77,7 +78,7 @@ void makePatellofemoralJoint(const std::filesystem::path& folder, std::ostream& 
   append(-kFlankEnd, 0, 8);
   append(0, kFlankEnd, 8);
   append(kFlankEnd, kTrochleaHalfWidth, 3);
-  trochlea.add("trochlea", makeKnots(divide(kSuperiorEnd, kDistalEnd, 16)),
+  trochlea.add("trochlea", makeKnots(divide(kSuperiorEnd, kDistalEnd, 21)),
                makeKnots(across, {-kFlankEnd, 0, kFlankEnd}), [&](double phi, double zeta) {
                  const Section section = calcTrochleaSection(zeta);
                  const Vec2 n = SagittalCurve::calcNormal(phi);

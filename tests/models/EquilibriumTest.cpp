@@ -80,7 +80,8 @@ TEST(ShippedScenes, NaturalKneeHasTheSharesOfThePaper) {
 }
 
 /** Inside the dishes during the whole cycle: no element behind the border of the femoral patch, none at the edge of the
- grid, both sides loaded. */
+ grid, both sides loaded. The natural knee's medial contact reaches the anterior rim of its plateau near extension: its condyle
+ is centered 5.7 mm anterior, the plateau ends at 19.85. The force there is below 1 % of the compartment's. */
 class ShippedGait : public testing::TestWithParam<const char*> {};
 TEST_P(ShippedGait, StaysInsideItsSurfaces) {
   const scene::Scene scene = scene::readScene(modelFolder() / GetParam(), {{}, true, {}});
@@ -98,12 +99,17 @@ TEST_P(ShippedGait, StaysInsideItsSurfaces) {
     const auto fields = pairs[0]->calcFields(workspace);
     for (size_t c = 0; c < fields.size(); ++c) {
       const auto& compartment = scene.contacts[0].definition.compartments[c];
+      double sum_N = 0, atEdge_N = 0;
       for (const contact::ElementField& element : fields[c]) {
         if (!element.active) continue;
-        EXPECT_TRUE(element.ix > 0 && element.ix < compartment.nx - 1 && element.iz > 0 &&
+        sum_N += element.force_N;
+        const bool anterior = element.ix == 0;
+        if (anterior) atEdge_N += element.force_N;
+        EXPECT_TRUE((!artificial || !anterior) && element.ix < compartment.nx - 1 && element.iz > 0 &&
                     element.iz < compartment.nz - 1)
             << compartment.name << " element " << element.ix << ", " << element.iz;
       }
+      EXPECT_LE(atEdge_N, 0.01 * sum_N) << compartment.name;
     }
   }
   if (!artificial) return;

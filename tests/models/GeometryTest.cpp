@@ -176,10 +176,10 @@ TEST_P(Side, TibialCartilageHasThePublishedThickness) {
     sum += cell * h;
     area += cell;
   });
-  // Published mean and largest: 1.19, 2.55 medial; 2.02, 4.24 lateral. The form follows the largest; the mean is met
-  // medially; laterally the thickest point is off the middle, which lowers it.
+  // Published mean and largest: 1.19, 2.55 medial; 2.02, 4.24 lateral. Off by the sampling of this test and by the
+  // curvature of the plateau, on which the generator's mean was not taken.
   EXPECT_NEAR(largest / kMm, medial() ? 2.55 : 4.24, 0.03);
-  EXPECT_NEAR(sum / area / kMm, medial() ? 1.19 : 2.02, medial() ? 0.02 : 0.25);
+  EXPECT_NEAR(sum / area / kMm, medial() ? 1.19 : 2.02, 0.03);
 }
 
 TEST_P(Side, FemoralCartilageHasThePublishedRadiiAndThickness) {
@@ -191,7 +191,7 @@ TEST_P(Side, FemoralCartilageHasThePublishedRadiiAndThickness) {
   // Inside the arcs, away from the blends of 8 degrees. The fit is off by 5 um medially, 25 um laterally: 0.3 mm of
   // radius.
   const std::vector<Arc> arcs =
-      medial() ? std::vector<Arc>{{-20, 24, 31.8}, {42, 108, 20.4}} : std::vector<Arc>{{22, 41, 24.0}, {59, 108, 20.8}};
+      medial() ? std::vector<Arc>{{-20, 34, 31.8}, {52, 138, 20.4}} : std::vector<Arc>{{9, 41, 24.0}, {59, 138, 20.8}};
   for (const Arc& arc : arcs) {
     const Circle circle = calcCircle(findCrownPoint(cartilage, arc.from_deg * kDegree),
                                      findCrownPoint(cartilage, 0.5 * (arc.from_deg + arc.to_deg) * kDegree),

@@ -37,23 +37,31 @@ TEST(KneeWithLigaments, AllScenesAreReadAndUseWhatTheyDefine) {
   }
 }
 
-// Known without the model: the tendon carries what the quadriceps pull less what the patella's contact takes along them, so its tension is
-// between half and all of 100 N; the tibia turns inwards as it bends (screw-home); the posterior capsule lets go; forces stay finite.
+// Known without the model: the tendon carries what the quadriceps pull less what contact and retinacula take along it, so up to 45 degrees,
+// where these are slack, its tension is between half and all of 10 N, and a little where they pull with it; the tibia turns inwards as it
+// bends (screw-home); the posterior capsule lets go; both contacts last to 120 degrees. Passive motion of the knee that the ligaments were
+// measured on, dynamic MRI (opensim-jam-org/jam-resources): its femoral origin is 34.4 to 35.5 mm above the tibial one near extension, 33.8 to 34.6
+// at 27 to 33 degrees; 0.5 mm for what the generator's arcs leave out.
 TEST(KneeWithLigaments, NaturalKneeBends) {
   const scene::Scene scene = read("knee_with_ligaments/natural.yaml");
   const scene::Trajectory run = model::runSeries(scene);
   ASSERT_TRUE(run.complete) << run.statusText;
-  ASSERT_EQ(run.frames.size(), 21u);
-  for (const scene::Frame& frame : run.frames) {
-    SCOPED_TRACE(frame.time_s);
+  ASSERT_EQ(run.frames.size(), 41u);  // every 3 degrees
+  for (size_t i = 0; i < run.frames.size(); ++i) {
+    const scene::Frame& frame = run.frames[i];
+    SCOPED_TRACE(3.0 * static_cast<double>(i));
     for (const auto& contact : frame.contacts) {
       EXPECT_GT(contact.total.activeElements, 0);
       EXPECT_EQ(contact.total.notConvergedQueries, 0);
     }
     const double tendon = sumForces(run.elementColumns, frame.elements, "PT");
-    EXPECT_TRUE(tendon > 50 && tendon < 110) << tendon;
+    if (i <= 15) {
+      EXPECT_TRUE(tendon > 5 && tendon < 11) << tendon;
+    }
   }
   EXPECT_LT(run.frames[10].q[1], run.frames[0].q[1] - 3 * kDegree);
+  EXPECT_NEAR(run.frames[0].q[4], 34.95e-3, 1.05e-3);
+  EXPECT_NEAR(run.frames[10].q[4], 34.2e-3, 0.9e-3);
   EXPECT_GT(sumForces(run.elementColumns, run.frames[0].elements, "pCAP"), 10);
   EXPECT_EQ(sumForces(run.elementColumns, run.frames[10].elements, "pCAP"), 0);
 }
@@ -63,27 +71,33 @@ TEST(KneeWithLigaments, ArtificialKneeBends) {
   EXPECT_TRUE(run.complete) << run.statusText;
 }
 
-double drawer_m(const scene::Scene& scene) {
+double drawer_m(const scene::Scene& scene, double flexion_deg) {
   KneeExperiment experiment;
-  experiment.flexion_rad = 30 * kDegree;
+  experiment.flexion_rad = flexion_deg * kDegree;
   experiment.loadedAxis = 3;
   experiment.load = 90;
   const auto result = runKneeExperiment(scene, experiment);
   EXPECT_TRUE(result.trajectory.complete) << result.trajectory.statusText;
   EXPECT_EQ(result.load.back(), 90);
-  EXPECT_NEAR(result.flexion_rad.back(), 30 * kDegree, 1e-15);
+  EXPECT_NEAR(result.flexion_rad.back(), flexion_deg * kDegree, 1e-15);
   const auto& frames = result.trajectory.frames;
-  EXPECT_NEAR(frames.back().q[2], -30 * kDegree, 1e-12);
+  EXPECT_NEAR(frames.back().q[2], -flexion_deg * kDegree, 1e-12);
   return frames.back().q[3] - frames[result.firstLoaded].q[3];
 }
 
-// The clinical sign: at 30 degrees the cruciate that is cut is the one that held.
+// The clinical sign: at 30 degrees the cruciate that is cut is the one that held. Published, 12 knees, 90 N (doi
+// 10.1007/s00167-019-05839-y): 6.0 (SD 2.5) intact, 12.9 (SD 2.5) cut; within 1.2 standard deviations here, as measured (3.2 and 12.3 mm):
+// neither ligaments nor surfaces were adjusted to it.
 TEST(KneeWithLigaments, CuttingTheAclLoosensTheDrawer) {
   const scene::Scene intact = read("knee_with_ligaments/natural.yaml");
-  const double before = drawer_m(intact), after = drawer_m(model::withoutElements(intact, "ACL"));
-  EXPECT_GT(before, 0.5e-3);
+  const double before = drawer_m(intact, 30), after = drawer_m(model::withoutElements(intact, "ACL"), 30);
+  EXPECT_NEAR(before, 6.0e-3, 1.2 * 2.5e-3);
+  EXPECT_NEAR(after, 12.9e-3, 1.2 * 2.5e-3);
   EXPECT_GT(after, 2 * before);
 }
+
+// At 90 degrees a knee of wrong height finds no equilibrium at all.
+TEST(KneeWithLigaments, DrawerAtNinetyDegrees) { EXPECT_GT(drawer_m(read("knee_with_ligaments/natural.yaml"), 90), 0.3e-3); }
 
 TEST(KneeWithLigaments, ExperimentsRefuseWhatTheyCannotDo) {
   const scene::Scene scene = read("knee_with_ligaments/natural.yaml");
