@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "Commands.h"
 #include "genu/io/Files.h"
@@ -66,6 +67,7 @@ struct Run {
   double flexion_deg;
   std::string direction;
   model::KneeExperimentResult result;
+  std::optional<double> intactNeutral;  ///< the loaded coordinate before loading, nothing cut
 };
 
 std::string makeTable(const scene::Scene& scene, const std::vector<Run>& runs) {
@@ -108,6 +110,7 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
   if (found == names.end()) throw InputError(io::describeUnknown("experiment", options.name, names));
   const Kind& kind = kKinds[static_cast<size_t>(found - names.begin())];
   scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
+  const scene::Scene intact = scene;
   if (!options.cut.empty()) scene = model::withoutElements(scene, options.cut);
   const fs::path folder = options.output.empty() ? fs::path("results") / (options.scene.stem().string() + "-" + options.name) : options.output;
   report::OutputFolder::check(folder);
@@ -127,15 +130,21 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
     const scene::Progress all = meter.callback();
     const size_t count = angles.size() * (kind.axis < 0 ? 1 : 2);
     for (const double angle : angles) {
+      // A cut moves the unloaded joint too; where a test rig holds it, motion counts from where it was intact.
+      std::optional<double> intactNeutral;
+      model::KneeExperiment experiment;
+      experiment.joint = options.joint;
+      experiment.flexion_rad = angle * kDegree;
+      if (kind.axis >= 0 && !options.cut.empty()) {
+        const auto bent = model::runKneeExperiment(intact, experiment, [](double) { return !wasInterrupted(); });
+        if (bent.trajectory.complete) intactNeutral = bent.trajectory.frames.back().q[first + static_cast<size_t>(kind.axis)];
+      }
       for (const double sign : {1.0, -1.0}) {
         if (kind.axis < 0 && sign < 0) continue;
-        model::KneeExperiment experiment;
-        experiment.joint = options.joint;
-        experiment.flexion_rad = angle * kDegree;
         experiment.loadedAxis = kind.axis;
         experiment.load = sign * load;
         const auto progress = [&](double fraction) { return all((static_cast<double>(runs.size()) + fraction) / static_cast<double>(count)); };
-        Run run{angle, kind.axis < 0 ? "" : sign > 0 ? kind.positive : kind.negative, model::runKneeExperiment(scene, experiment, progress)};
+        Run run{angle, kind.axis < 0 ? "" : sign > 0 ? kind.positive : kind.negative, model::runKneeExperiment(scene, experiment, progress), intactNeutral};
         if (!run.result.trajectory.complete) {
           complete = false;
           spdlog::warn("{} deg{}: {}", angle, run.direction.empty() ? "" : ", " + run.direction, run.result.trajectory.statusText);
@@ -156,8 +165,9 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
   std::string script, data;
   if (kind.axis >= 0) {
     json["load"] = {{"value", load}, {"unit", kind.loadUnit}};
-    fmt::print("{}{}, {:g} {}; scene's own loads on\n{:>8}  {:<10} {:>12} {:>18}\n", options.name, options.cut.empty() ? "" : " without " + options.cut, load,
-               kind.loadUnit, "flexion", "tibia", fmt::format("moved ({})", kind.unit), "published");
+    fmt::print("{}{}, {:g} {}; scene's own loads on\n{:>8}  {:<10} {:>12} {:>18}{}\n", options.name, options.cut.empty() ? "" : " without " + options.cut, load,
+               kind.loadUnit, "flexion", "tibia", fmt::format("moved ({})", kind.unit), "published",
+               options.cut.empty() ? "" : "   from where it was intact");
     script = fmt::format(kPlotHead, options.name, 700) + fmt::format("set xlabel 'flexion (deg)'\nset ylabel 'tibia moved ({})'\nset key outside right\n", kind.unit);
     for (const char* direction : {kind.positive, kind.negative}) {
       data += fmt::format("# flexion_deg {}_{} published_low published_high\n", direction, kind.unit);
@@ -172,7 +182,14 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
           const double moved = std::abs(frames.back().q[axis] - frames[run.result.firstLoaded].q[axis]) * kind.scale;
           row[std::string("moved_") + kind.unit] = moved;
           const std::string range = published != nullptr ? fmt::format("{:.1f} to {:.1f}", published->low, published->high) : "-";
-          fmt::print("{:>8g}  {:<10} {:>12.2f} {:>18}\n", run.flexion_deg, direction, moved, range);
+          std::string fromIntact;
+          if (run.intactNeutral) {
+            const double sign = direction == kind.positive ? 1 : -1;
+            const double value = sign * (frames.back().q[axis] - *run.intactNeutral) * kind.scale;
+            row[std::string("moved_from_intact_") + kind.unit] = value;
+            fromIntact = fmt::format("{:>27.2f}", value);
+          }
+          fmt::print("{:>8g}  {:<10} {:>12.2f} {:>18}{}\n", run.flexion_deg, direction, moved, range, fromIntact);
           data += published != nullptr ? fmt::format("{:g} {:.6g} {:g} {:g}\n", run.flexion_deg, moved, published->low, published->high)
                                        : fmt::format("{:g} {:.6g} nan nan\n", run.flexion_deg, moved);
         } else {

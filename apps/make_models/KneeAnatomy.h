@@ -74,12 +74,22 @@ struct PatellofemoralDimensions {
 };
 const PatellofemoralDimensions& patellofemoralDimensions();
 
+/** The natural knee's tibiofemoral surfaces [mm], NaturalKnee.cpp. */
+enum class Side { medial, lateral };
+/** Crown of the condyle that is lowest at this flexion; x, y in link femur. */
+Vec2 lowestCondylePoint(Side side, double flexion_rad);
+/** Height of the plateau's cartilage, in link tibia. */
+double plateauHeight(Side side, double x, double z);
+
 // Pieces of scenes and URDF files.
 std::string writeNumber(double value, int decimals);
 std::string writePoint(const Vec3& p_mm);                       ///< `"1.00 mm, 2.00 mm, 3.00 mm"`
 std::string writePathPoint(SourceFrame frame, const Vec3& p);   ///< `{body: femur, at: "..."}`
 std::string writeWrap(const Wrap& wrap);                        ///< a line of `wraps`
 std::string writeNaturalLigaments(const std::string& comment);  ///< key `ligaments`
+/** Keys `poses` and `springs`: the menisci of the natural knee. Pose of the femur in the tibia in extension; poses of all
+ other floating joints, as text. */
+std::string writeMenisci(const Vec3& extensionRotation_deg, const Vec3& extension_mm, const std::string& otherJoints);
 /** Keys `surfaces`, `materials` and `contact` of the natural knee; the folders of the geometry files, with a final
  * slash. */
 std::string naturalKneeSurfaces(const std::string& naturalKnee, const std::string& patellofemoral);

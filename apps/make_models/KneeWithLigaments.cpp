@@ -113,13 +113,16 @@ std::string makeArtificialUrdf() {
 )";
 }
 
-std::string makeNaturalScene() {
+std::string makeNaturalScene(bool withMenisci) {
   std::ostringstream out;
-  out << R"(genu: 1
-name: natural knee with ligaments, passive flexion
-
-)" << kGenerated
-      << R"(
+  out << "genu: 1\nname: natural knee with ligaments" << (withMenisci ? " and menisci" : "") << ", passive flexion\n\n" << kGenerated;
+  if (withMenisci) {
+    out << R"(
+# natural.yaml with the menisci as springs: bands that hold the condyles horizontally. They carry nothing of what presses the
+# femur down.
+)";
+  }
+  out << R"(
 # Flexion is prescribed, 0 to 120 degrees; the other five coordinates of the tibiofemoral joint and all six of the patella
 # find their equilibrium between contact and ligaments. The quadriceps are relaxed: 10 N keep the patella in its groove.
 # `static` computes extension, `series` the motion.
@@ -148,8 +151,11 @@ model:
 
 wraps:
 )" << writeWrap(findWrap("medial_tibia"))
-      << writeWrap(findWrap("condyles")) << '\n'
-      << writeNaturalLigaments("") << R"(
+      << writeWrap(findWrap("condyles")) << '\n';
+  if (withMenisci) {
+    out << writeMenisci({-0.3, 1, 0}, {1.4, 35, -0.7}, "patellofemoral: \"-1.2 deg, 0.3 deg, 5.5 deg, -53.2 mm, 6.1 mm, -5.5 mm\"") << '\n';
+  }
+  out << writeNaturalLigaments("") << R"(
 loads:
   # 10 N along the resultant of the four muscles at their largest forces in extension; on the femur the opposite.
   quadriceps: {body: patella, frame: femur, force: "1.37 N, 9.82 N, -1.33 N", point: {at: "0 mm, 15 mm, -2.5 mm"}}
@@ -261,7 +267,7 @@ contact:
     element_plane: 0 mm
     compartments:
       # x inferior, z medial.
-      patella: {rectangle: "-14.5 mm, 14.5 mm, -17.5 mm, 17.5 mm", grid: 24x24}
+      patella: {rectangle: "-14.8 mm, 14.8 mm, -18.2 mm, 18.6 mm", grid: 24x24}
 )";
   return out.str();
 }
@@ -270,7 +276,8 @@ void makeKneeWithLigaments(const std::filesystem::path& folder) {
   writeFlexion(folder);
   writeText(folder / "knee_natural.urdf", makeNaturalUrdf());
   writeText(folder / "knee_artificial.urdf", makeArtificialUrdf());
-  writeText(folder / "natural.yaml", makeNaturalScene());
+  writeText(folder / "natural.yaml", makeNaturalScene(false));
+  writeText(folder / "natural_menisci.yaml", makeNaturalScene(true));
   writeText(folder / "artificial.yaml", makeArtificialScene());
 }
 

@@ -31,7 +31,7 @@ const std::vector<double>& verticalForce_BW() {
       0.6942, 0.6313, 0.5564, 0.474, 0.3761, 0.2836, 0.1992, 0.1361, 0.0909, 0.0713, 0.047, 0.0};
   return values;
 }
-// His foot leaves the ground at 62.9 %; here after 60 %, when the leg of the source of the posture does.
+// His foot leaves the ground at 62.9 %; here at 60 %, a usual stance, since the posture is another subject's: assumed.
 constexpr double kLoadStretch = 62.9 / kStanceEnd;
 
 struct Knot {

@@ -1,6 +1,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "KneeAnatomy.h"
 #include "Models.h"
 #include "PatchList.h"
 
@@ -140,6 +141,15 @@ double calcTibialThickness(const Plateau& plateau, const Vec3& S) {
 }
 
 }  // namespace
+
+Vec2 lowestCondylePoint(Side side, double flexion_rad) {
+  return makeCurve(side == Side::medial ? medialCondyle() : lateralCondyle()).calcPoint(flexion_rad);
+}
+
+double plateauHeight(Side side, double x, double z) {
+  const Plateau& plateau = side == Side::medial ? kMedialPlateau : kLateralPlateau;
+  return kTibialOrigin + plateau.height + calcTroughHeight(plateau, x, z) - calcTroughHeight(plateau, plateau.thickX, plateau.thickZ);
+}
 
 void makeNaturalKnee(const std::filesystem::path& folder, std::ostream& report) {
   // Bone patches reach this far beyond the cartilage, so that normals at its rim still meet them.

@@ -28,7 +28,7 @@ double sumForces(const std::vector<scene::ElementColumn>& columns, const std::ve
 }
 
 TEST(KneeWithLigaments, AllScenesAreReadAndUseWhatTheyDefine) {
-  for (const char* name : {"knee_with_ligaments/natural.yaml", "knee_with_ligaments/artificial.yaml", "musculoskeletal_knee/isometric.yaml",
+  for (const char* name : {"knee_with_ligaments/natural.yaml", "knee_with_ligaments/natural_menisci.yaml", "knee_with_ligaments/artificial.yaml", "musculoskeletal_knee/isometric.yaml",
                            "musculoskeletal_knee/leg_extension.yaml"}) {
     SCOPED_TRACE(name);
     const scene::Scene scene = read(name);
