@@ -112,11 +112,11 @@ bool isQuadriceps(const MuscleRow& muscle) {
   return name == "recfem" || name.rfind("vas", 0) == 0;
 }
 
-/** Value of `excitation` of a muscle. */
+/** Value of `excitation` of a muscle, with the white space before it. */
 using Excitation = std::function<std::string(const MuscleRow&)>;
 
 Excitation excite(const std::string& quadriceps, const std::string& others) {
-  return [=](const MuscleRow& muscle) { return isQuadriceps(muscle) ? quadriceps : others; };
+  return [=](const MuscleRow& muscle) { return ' ' + (isQuadriceps(muscle) ? quadriceps : others); };
 }
 
 /** Wraps, ligaments and muscles. */
@@ -140,7 +140,7 @@ std::string writeSoftTissue(const Excitation& excitation) {
         << " N, fibre_length: " << writeNumber(muscle.fibre_mm, 2)
         << " mm, tendon_length: " << writeNumber(muscle.tendon_mm, 2)
         << " mm, pennation: " << writeNumber(muscle.pennation_deg, 2) << " deg, max_velocity: 10 1/s,\n"
-        << "     curves: de-groote, tendon: rigid, activation: {rise: 10 ms, fall: 40 ms}, excitation: "
+        << "     curves: de-groote, tendon: rigid, activation: {rise: 10 ms, fall: 40 ms}, excitation:"
         << excitation(muscle) << ",\n     path: [";
     for (size_t i = 0; i < muscle.path.size(); ++i) {
       // The wrap stands where the path crosses the knee.
@@ -265,7 +265,7 @@ std::string trackFlexion(const MuscleRow& muscle) {
     largest_Nmm = std::max(largest_Nmm, product);
     if (std::string(other.name) == muscle.name) moment_Nmm = product;
   }
-  if (moment_Nmm == 0) return "0.01";  // tensor fasciae latae
+  if (moment_Nmm == 0) return " 0.01";  // tensor fasciae latae
   const double share = moment_Nmm / largest_Nmm;
   const bool extends = isQuadriceps(muscle);
   std::string rest = stepTable(extends ? "extensors" : "flexors", "1");
