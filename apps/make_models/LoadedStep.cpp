@@ -178,7 +178,7 @@ std::string makeStepTable(const PlanarLeg& leg) {
   smooth(moment, 2);
 
   std::ostringstream out;
-  out << "percent,hip_deg,ankle_deg,flexion_deg,vertical_BW,cop_mm,extensors,flexors\n";
+  out << "percent_cycle,hip.angle_deg,ankle.angle_deg,tibiofemoral.rz_deg,vertical_BW,cop_mm,extensors,flexors\n";
   for (size_t i = 0; i < n; ++i) {
     const double ahead = moment[std::min(i + kLead, n - 1)];
     out << i << ',' << writeNumber(motion.hip_deg[i], 2) << ',' << writeNumber(motion.ankle_deg[i], 2) << ','

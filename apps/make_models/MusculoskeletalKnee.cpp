@@ -249,7 +249,7 @@ const std::map<std::string, double>& flexorArms_mm() {
 }
 
 std::string stepTable(const std::string& column, const std::string& unit) {
-  return "{table: step.csv, column: " + column + ", unit: " + unit + ", time: {column: percent, unit: percent}}";
+  return "{table: step.csv, column: " + column + ", unit: " + unit + ", time: {column: percent_cycle, unit: percent}}";
 }
 
 /** Muscles track the flexion. Their shares are proportional to the moment each can give, which for one moment costs the least sum of squared
@@ -270,7 +270,7 @@ std::string trackFlexion(const MuscleRow& muscle) {
   const bool extends = isQuadriceps(muscle);
   std::string rest = stepTable(extends ? "extensors" : "flexors", "1");
   rest.insert(rest.find(", time"), ", scale: " + writeNumber(share, 3));
-  return "\n       {track: {coordinate: tibiofemoral.rz, target: " + stepTable("flexion_deg", "deg") + ",\n        gain: " +
+  return "\n       {track: {coordinate: tibiofemoral.rz, target: " + stepTable("tibiofemoral.rz_deg", "deg") + ",\n        gain: " +
          writeNumber(share * (extends ? kExtensorGain : kFlexorGain), 4) + " 1/deg, rate_gain: " +
          writeNumber(share * (extends ? kExtensorRateGain : kFlexorRateGain), 5) + " s/deg, rest: " + rest + "}}";
 }
@@ -283,7 +283,7 @@ name: stance phase of a walking step
 )" << kHeader
       << R"(
 # The pelvis is fixed and the ground reaction pushes on the foot. Hip and ankle follow a gait; the muscles track the flexion of the knee, all
-# else is free. Heel contact is at 4 % in step.csv, 44 ms after the start.
+# else is free. percent_cycle in step.csv begins 4 % before heel contact, 44 ms.
 
 )" << naturalKneeSurfaces("../natural_knee/", "../knee_with_ligaments/")
       << R"(
@@ -292,9 +292,9 @@ model:
   gravity: "0 m/s^2, -9.81 m/s^2, 0 m/s^2"
   joints:
     hip: {angle: {prescribed: )"
-      << stepTable("hip_deg", "deg") << R"(}}
+      << stepTable("hip.angle_deg", "deg") << R"(}}
     ankle: {angle: {prescribed: )"
-      << stepTable("ankle_deg", "deg") << R"(}}
+      << stepTable("ankle.angle_deg", "deg") << R"(}}
     # Damping: see leg_extension.yaml.
     tibiofemoral:
       rz: {free: {start: -1 deg, damping: 0.1 N m s/rad}}
@@ -321,7 +321,7 @@ loads:
       - 0 N
       # Share of the body weight, 62 kg.
       - {table: step.csv, column: vertical_BW, unit: 1, scale: )"
-      << writeNumber(kBodyWeight_N, 1) << R"( N, time: {column: percent, unit: percent}}
+      << writeNumber(kBodyWeight_N, 1) << R"( N, time: {column: percent_cycle, unit: percent}}
       - 0 N
     point: {at: [)"
       << stepTable("cop_mm", "mm") << ", " << writeNumber(kSole_mm, 0) << " mm, " << writeNumber(kMedial_mm, 0) << R"( mm]}
