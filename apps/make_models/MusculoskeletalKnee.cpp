@@ -354,9 +354,11 @@ void makeMusculoskeletalKnee(const std::filesystem::path& folder) {
   writeText(folder / "leg_extension.yaml", makeExtensionScene());
   writeText(folder / "step.yaml", makeStepScene());
   writeText(folder / "step.csv", makeStepTable(makePlanarLeg()));
-  // Raised enough to lift the shank (10 N m when it is straight), lowered before the knee is straight: assumed.
+  // Raised enough to lift the shank (10 N m when it is straight), lowered before the knee is straight: assumed. Level at the start, where the
+  // run begins with the rates of the equilibrium.
   writeText(folder / "excitation.csv",
-            "time,quadriceps\n0,0.01\n0.05,0.01\n0.15,0.12\n0.30,0.12\n0.40,0.04\n0.60,0.04\n");
+            "time,quadriceps\n0,0.01\n0.01,0.01\n0.02,0.01\n0.03,0.01\n0.04,0.01\n0.05,0.01\n0.06,0.012\n0.08,0.03\n0.10,0.06\n"
+            "0.12,0.09\n0.14,0.112\n0.16,0.12\n0.20,0.12\n0.25,0.12\n0.30,0.12\n0.40,0.04\n0.50,0.04\n0.60,0.04\n");
 }
 
 }  // namespace genu::make_models
