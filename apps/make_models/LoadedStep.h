@@ -25,7 +25,7 @@ inline constexpr int kBeforeStance = 4;           ///< per cent
 inline constexpr int kStanceEnd = 60;             ///< per cent
 inline constexpr double kStepCycle_s = 1.1;
 inline constexpr double kBodyWeight_N = 62 * 9.81;
-/** Of the ground reaction in the foot [mm]: below the ankle; medial. */
-inline constexpr double kSole_mm = -45, kMedial_mm = 15;
+/** Of the ground reaction in the foot [mm]: below the ankle; medial of it, for a leg that leans and stands upright here: assumed. */
+inline constexpr double kSole_mm = -45, kMedial_mm = 10;
 
 }  // namespace genu::make_models
