@@ -350,7 +350,7 @@ ordered_json makeInstant(const Scene& scene, const Trajectory& trajectory, const
   ordered_json json;
   json["time_s"] = frame.time_s;
   json["pose"] = makePose(scene, frame.q);
-  json["contact"] = toJson(scene, frame.contacts, frame.errors);
+  if (!scene.contacts.empty()) json["contact"] = toJson(scene, frame.contacts, frame.errors);
   if (!trajectory.elementColumns.empty()) json["elements"] = makeElements(trajectory, frame);
   return json;
 }
@@ -382,6 +382,21 @@ ordered_json makePeaks(const Scene& scene, const Trajectory& trajectory) {
       }
       json[names[row]][quantity.name] = {{"value", best}, {"time_s", when}};
     }
+  }
+  return json;
+}
+
+/** Largest force of every element over the run and when. */
+ordered_json makeElementPeaks(const Trajectory& trajectory) {
+  ordered_json json;
+  for (size_t i = 0; i < trajectory.elementColumns.size(); ++i) {
+    const scene::ElementColumn& column = trajectory.elementColumns[i];
+    if (column.quantity != "force") continue;
+    double best = 0, when = trajectory.frames.front().time_s;
+    for (const Frame& frame : trajectory.frames) {
+      if (std::abs(frame.elements[i]) > std::abs(best)) best = frame.elements[i], when = frame.time_s;
+    }
+    json[column.keyword][column.element]["force_" + column.unit] = {{"value", best}, {"time_s", when}};
   }
   return json;
 }
@@ -623,7 +638,7 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   json["status_text"] = trajectory.statusText;
   const std::vector<std::string> warnings = scene::listWarnings(scene);
   if (!warnings.empty()) json["warnings"] = warnings;
-  json["contact_status"] = contact::toString(worstStatus(frame.contacts));
+  if (!scene.contacts.empty()) json["contact_status"] = contact::toString(worstStatus(frame.contacts));
   json["written"] = nowUtc();
   json["scene"] = copyScene(out, scene, info.dataFolder);
   json["inputs_sha256"] = scene.inputHashes;
@@ -663,7 +678,8 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   json["frames"] = trajectory.frames.size();
   if (overTime) {
     json["at_maximum_load"] = makeInstant(scene, trajectory, frame);
-    json["peaks"] = makePeaks(scene, trajectory);
+    if (!scene.contacts.empty()) json["peaks"] = makePeaks(scene, trajectory);
+    if (!trajectory.elementColumns.empty()) json["element_peaks"] = makeElementPeaks(trajectory);
     if (!frame.errors.empty()) json["largest_error_estimates"] = makeLargestErrors(scene, trajectory);
   } else {
     json["at_static_pose"] = makeInstant(scene, trajectory, frame);

@@ -92,6 +92,26 @@ TEST_F(RunReportTest, KeysHaveRoomForLongNames) {
   EXPECT_THAT(testing::read(folder_ / "out/plots/motion.gp"), HasSubstr("size 1100,"));
 }
 
+// A run of ligaments alone says nothing about contact, and when which of them pulled most.
+TEST_F(RunReportTest, ElementsWithoutContact) {
+  info_.plots = info_.maps = false;
+  scene_.contacts.clear();
+  trajectory_.elementColumns = {{"ligaments", "slack", "force", "N"}, {"ligaments", "taut", "force", "N"}, {"ligaments", "taut", "length", "m"}};
+  for (size_t i = 0; i < trajectory_.frames.size(); ++i) {
+    trajectory_.frames[i].contacts.clear();
+    trajectory_.frames[i].elements = {0, i == 7 ? 12.5 : 3.0, 0.03};
+  }
+  writeRun(scene_, trajectory_, info_);
+  const auto json = summary();
+  for (const char* key : {"contact_status", "peaks"}) EXPECT_FALSE(json.contains(key)) << key;
+  EXPECT_FALSE(json.at("at_maximum_load").contains("contact"));
+  const auto& peaks = json.at("element_peaks").at("ligaments");
+  EXPECT_EQ(peaks.at("taut").at("force_N").at("value").get<double>(), 12.5);
+  EXPECT_EQ(peaks.at("taut").at("force_N").at("time_s").get<double>(), trajectory_.frames[7].time_s);
+  EXPECT_EQ(peaks.at("slack").at("force_N").at("value").get<double>(), 0);
+  EXPECT_EQ(peaks.size(), 2u);
+}
+
 TEST_F(RunReportTest, SummaryAgreesWithTheFrames) {
   info_.plots = info_.maps = false;
   writeRun(scene_, trajectory_, info_);
