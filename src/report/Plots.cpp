@@ -129,7 +129,7 @@ void writeBars(OutputFolder& out, const std::string& name, const std::string& la
     high = std::max(high, bar.value);
   }
   if (high == low) high = 1;
-  const int left = 40 + static_cast<int>(9.5 * static_cast<double>(longest)), width = left + 760,
+  const int left = 48 + static_cast<int>(9.5 * static_cast<double>(longest)), width = left + 760,
             height = 110 + 24 * static_cast<int>(bars.size());
   const std::string script = fmt::format(
       "# Draw again with: gnuplot {0}.gp\n"
