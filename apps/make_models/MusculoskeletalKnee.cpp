@@ -1,8 +1,11 @@
-#include <filesystem>
 #include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <map>
 #include <sstream>
 
 #include "KneeAnatomy.h"
+#include "LoadedStep.h"
 #include "Models.h"
 
 namespace genu::make_models {
@@ -15,6 +18,9 @@ namespace {
 // calcaneus
 // (-48.77, -41.95, 7.92) and toes (176.8, -2, 1.08) of fmoissenet/MSK_Delp_U_Ankle; patella: Rajagopal2016.osim.
 const Vec3 kThighCenter(0, -150.035, 0), kShankCenter(0, -173.133, 0), kFootCenter(-63.4, -14.8, -5.1);
+constexpr double kShankMass = 2.65207, kShankInertiaZ = 0.0259282, kFootMass = 1.29, kFootInertiaZ = 0.0074;  // kg, kg m2
+// Origin of the tibia below that of the femur, about extension.
+constexpr double kKneeGap = 36;
 
 std::string makeUrdf() {
   std::ostringstream out;
@@ -52,8 +58,10 @@ std::string makeUrdf() {
     <inertial>
       <origin xyz=")"
       << writeVector_m(toLink(SourceFrame::shank, kShankCenter).p) << R"("/>
-      <mass value="2.65207"/>
-      <inertia ixx="0.0249054" ixy="0" ixz="0" iyy="0.00428138" iyz="0" izz="0.0259282"/>
+      <mass value=")"
+      << kShankMass << R"("/>
+      <inertia ixx="0.0249054" ixy="0" ixz="0" iyy="0.00428138" iyz="0" izz=")"
+      << kShankInertiaZ << R"("/>
     </inertial>
   </link>
   <joint name="tibiofemoral" type="floating">
@@ -80,8 +88,10 @@ std::string makeUrdf() {
     <inertial>
       <origin xyz=")"
       << writeVector_m(kFootCenter) << R"("/>
-      <mass value="1.29"/>
-      <inertia ixx="0.0022" ixy="0" ixz="0" iyy="0.0072" iyz="0" izz="0.0074"/>
+      <mass value=")"
+      << kFootMass << R"("/>
+      <inertia ixx="0.0022" ixy="0" ixz="0" iyy="0.0072" iyz="0" izz=")"
+      << kFootInertiaZ << R"("/>
     </inertial>
   </link>
   <joint name="ankle" type="revolute">
@@ -102,8 +112,15 @@ bool isQuadriceps(const MuscleRow& muscle) {
   return name == "recfem" || name.rfind("vas", 0) == 0;
 }
 
+/** Value of `excitation` of a muscle, with the white space before it. */
+using Excitation = std::function<std::string(const MuscleRow&)>;
+
+Excitation excite(const std::string& quadriceps, const std::string& others) {
+  return [=](const MuscleRow& muscle) { return ' ' + (isQuadriceps(muscle) ? quadriceps : others); };
+}
+
 /** Wraps, ligaments and muscles. */
-std::string writeSoftTissue(const std::string& quadriceps, const std::string& others) {
+std::string writeSoftTissue(const Excitation& excitation) {
   std::ostringstream out;
   out << "wraps:\n";
   for (const char* wrap :
@@ -123,8 +140,8 @@ std::string writeSoftTissue(const std::string& quadriceps, const std::string& ot
         << " N, fibre_length: " << writeNumber(muscle.fibre_mm, 2)
         << " mm, tendon_length: " << writeNumber(muscle.tendon_mm, 2)
         << " mm, pennation: " << writeNumber(muscle.pennation_deg, 2) << " deg, max_velocity: 10 1/s,\n"
-        << "     curves: de-groote, tendon: rigid, activation: {rise: 10 ms, fall: 40 ms}, excitation: "
-        << (isQuadriceps(muscle) ? quadriceps : others) << ",\n     path: [";
+        << "     curves: de-groote, tendon: rigid, activation: {rise: 10 ms, fall: 40 ms}, excitation:"
+        << excitation(muscle) << ",\n     path: [";
     for (size_t i = 0; i < muscle.path.size(); ++i) {
       // The wrap stands where the path crosses the knee.
       const bool before =
@@ -174,7 +191,7 @@ model:
       y: {free: {start: -10.3 mm}}
       z: {free: {start: -4.8 mm}}
 
-)" << writeSoftTissue("0.1", "0.05")
+)" << writeSoftTissue(excite("0.1", "0.05"))
       << R"(
 analysis:
   static: {method: newton}
@@ -215,7 +232,7 @@ model:
       y: {free: {start: -24.6 mm, damping: 30 N s/m}}
       z: {free: {start: -4.6 mm, damping: 30 N s/m}}
 
-)" << writeSoftTissue("{table: excitation.csv, column: quadriceps, unit: 1}", "0.01")
+)" << writeSoftTissue(excite("{table: excitation.csv, column: quadriceps, unit: 1}", "0.01"))
       << R"(
 analysis:
   cycle: 0.6 s
@@ -224,14 +241,121 @@ analysis:
   return out.str();
 }
 
+/** Arms [mm] of the muscles that bend the knee, at 45 degrees (README.md). */
+const std::map<std::string, double>& flexorArms_mm() {
+  static const std::map<std::string, double> arms = {{"bflh", 48}, {"bfsh", 40}, {"semimem", 44}, {"semiten", 52},
+                                                     {"grac", 39}, {"sart", 23}, {"gaslat", 14},  {"gasmed", 13}};
+  return arms;
+}
+
+std::string stepTable(const std::string& column, const std::string& unit) {
+  return "{table: step.csv, column: " + column + ", unit: " + unit + ", time: {column: percent_cycle, unit: percent}}";
+}
+
+/** Muscles track the flexion. Their shares are proportional to the moment each can give, which for one moment costs the least sum of squared
+ activations. */
+std::string trackFlexion(const MuscleRow& muscle) {
+  constexpr double kExtensorGain = -0.15, kExtensorRateGain = -0.005, kFlexorGain = 0.4, kFlexorRateGain = 0.012;
+  double largest_Nmm = 0, moment_Nmm = 0;
+  for (const MuscleRow& other : kneeMuscles()) {
+    const auto arm = flexorArms_mm().find(other.name);
+    double product = 0;
+    if (isQuadriceps(muscle) && isQuadriceps(other)) product = other.force_N;  // they share the patellar tendon's arm
+    if (!isQuadriceps(muscle) && arm != flexorArms_mm().end()) product = other.force_N * arm->second;
+    largest_Nmm = std::max(largest_Nmm, product);
+    if (std::string(other.name) == muscle.name) moment_Nmm = product;
+  }
+  if (moment_Nmm == 0) return " 0.01";  // tensor fasciae latae
+  const double share = moment_Nmm / largest_Nmm;
+  const bool extends = isQuadriceps(muscle);
+  std::string rest = stepTable(extends ? "extensors" : "flexors", "1");
+  rest.insert(rest.find(", time"), ", scale: " + writeNumber(share, 3));
+  return "\n       {track: {coordinate: tibiofemoral.rz, target: " + stepTable("tibiofemoral.rz_deg", "deg") + ",\n        gain: " +
+         writeNumber(share * (extends ? kExtensorGain : kFlexorGain), 4) + " 1/deg, rate_gain: " +
+         writeNumber(share * (extends ? kExtensorRateGain : kFlexorRateGain), 5) + " s/deg, rest: " + rest + "}}";
+}
+
+std::string makeStepScene() {
+  std::ostringstream out;
+  out << R"(genu: 1
+name: stance phase of a walking step
+
+)" << kHeader
+      << R"(
+# The pelvis is fixed and the ground reaction pushes on the foot. Hip and ankle follow a gait; the muscles track the flexion of the knee, all
+# else is free. percent_cycle in step.csv begins 4 % before heel contact, 44 ms.
+
+)" << naturalKneeSurfaces("../natural_knee/", "../knee_with_ligaments/")
+      << R"(
+model:
+  urdf: knee.urdf
+  gravity: "0 m/s^2, -9.81 m/s^2, 0 m/s^2"
+  joints:
+    hip: {angle: {prescribed: )"
+      << stepTable("hip.angle_deg", "deg") << R"(}}
+    ankle: {angle: {prescribed: )"
+      << stepTable("ankle.angle_deg", "deg") << R"(}}
+    # Damping: see leg_extension.yaml.
+    tibiofemoral:
+      rz: {free: {start: -1 deg, damping: 0.1 N m s/rad}}
+      rx: {free: {start: 1 deg, damping: 0.1 N m s/rad}}
+      ry: {free: {start: 2.5 deg, damping: 0.1 N m s/rad}}
+      x: {free: {start: -5 mm, damping: 30 N s/m}}
+      y: {free: {start: -34.1 mm, damping: 30 N s/m}}
+      z: {free: {start: 0 mm, damping: 30 N s/m}}
+    patellofemoral:
+      rz: {free: {start: 4 deg, damping: 0.1 N m s/rad}}
+      rx: {free: {start: -1 deg, damping: 0.1 N m s/rad}}
+      ry: {free: {start: 1 deg, damping: 0.1 N m s/rad}}
+      x: {free: {start: -53.8 mm, damping: 30 N s/m}}
+      y: {free: {start: 8 mm, damping: 30 N s/m}}
+      z: {free: {start: -7 mm, damping: 30 N s/m}}
+
+)" << writeSoftTissue(trackFlexion)
+      << R"(
+loads:
+  ground:
+    body: foot
+    frame: pelvis
+    force:
+      - 0 N
+      # Share of the body weight, 62 kg.
+      - {table: step.csv, column: vertical_BW, unit: 1, scale: )"
+      << writeNumber(kBodyWeight_N, 1) << R"( N, time: {column: percent_cycle, unit: percent}}
+      - 0 N
+    point: {at: [)"
+      << stepTable("cop_mm", "mm") << ", " << writeNumber(kSole_mm, 0) << " mm, " << writeNumber(kMedial_mm, 0) << R"( mm]}
+
+analysis:
+  cycle: )"
+      << writeNumber(kStepCycle_s, 1) << R"( s
+  gait: {duration: )"
+      << writeNumber((kBeforeStance + kStanceEnd) * kStepCycle_s / 100, 3) << R"( s, output_interval: 10 ms}
+)";
+  return out.str();
+}
+
+/** In the sagittal plane, x anterior. */
+PlanarLeg makePlanarLeg() {
+  const auto project = [](const Vec3& link_mm, double y_mm) -> Vec2 { return Vec2(-link_mm.x(), link_mm.y() + y_mm) / 1000; };
+  PlanarLeg leg;
+  leg.thigh_m = -kneeInThigh().y() / 1000;
+  leg.ankle = project(ankleInTibia(), -kKneeGap);
+  leg.shank = {project(toLink(SourceFrame::shank, kShankCenter).p, -kKneeGap), kShankMass, kShankInertiaZ};
+  leg.foot = {project(kFootCenter, 0), kFootMass, kFootInertiaZ};
+  return leg;
+}
+
 }  // namespace
 
 void makeMusculoskeletalKnee(const std::filesystem::path& folder) {
   writeText(folder / "knee.urdf", makeUrdf());
   writeText(folder / "isometric.yaml", makeIsometricScene());
   writeText(folder / "leg_extension.yaml", makeExtensionScene());
+  writeText(folder / "step.yaml", makeStepScene());
+  writeText(folder / "step.csv", makeStepTable(makePlanarLeg()));
   // Raised enough to lift the shank (10 N m when it is straight), lowered before the knee is straight: assumed. Rows every
-  // 10 ms: the curve through fewer would swing beyond them where the ramps begin.
+  // 10 ms: the curve through fewer would swing beyond them where the ramps begin, and the run would not start at rest.
   std::ostringstream excitation;
   excitation << "time,quadriceps\n";
   for (int i = 0; i <= 60; ++i) {

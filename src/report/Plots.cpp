@@ -60,26 +60,32 @@ std::string makeTimeScript(const std::string& name, const std::vector<Panel>& pa
                            const std::string& referenceFile = {}, const std::vector<int>& referenceColumns = {}) {
   const int count = static_cast<int>(panels.size());
   const int height = 130 + 300 * count;
+  // The panels are 764 pixels wide; the key beside them has room for its longest title.
+  size_t longest = 0;
+  for (const Panel& panel : panels) {
+    for (const Curve& curve : panel.curves) longest = std::max(longest, curve.title.size());
+  }
+  const int width = std::max(1100, 970 + static_cast<int>(9.5 * static_cast<double>(longest)));
   std::string script = fmt::format(
       "# Draw again with: gnuplot {0}.gp\n"
-      "set terminal pngcairo size 1100,{1} font 'DejaVu Sans,14' background rgb 'white' noenhanced\n"
+      "set terminal pngcairo size {4},{1} font 'DejaVu Sans,14' background rgb 'white' noenhanced\n"
       "set output '{0}.png'\n{2}"
       "set datafile missing 'nan'\n"
       "set xrange [0:{3}]\n"
       "set multiplot\n",
-      name, height, kCommon, tEnd_s);
+      name, height, kCommon, tEnd_s, width);
   const double bottom = 75.0 / height, top = 1 - 25.0 / height, gap = 24.0 / height;
   const double panelHeight = (top - bottom - gap * (count - 1)) / count;
   for (int i = 0; i < count; ++i) {
     const Panel& panel = panels[static_cast<size_t>(i)];
     const double high = top - i * (panelHeight + gap);
     script += fmt::format(
-        "\nset lmargin at screen 0.105\nset rmargin at screen 0.80\nset tmargin at screen {:.5f}\nset bmargin at "
+        "\nset lmargin at screen {:.5f}\nset rmargin at screen {:.5f}\nset tmargin at screen {:.5f}\nset bmargin at "
         "screen "
-        "{:.5f}\nset ylabel {} offset 0.5\nset key at screen 0.815, screen {:.5f} left center vertical maxcols 1 Left reverse "
+        "{:.5f}\nset ylabel {} offset 0.5\nset key at screen {:.5f}, screen {:.5f} left center vertical maxcols 1 Left reverse "
         "samplen "
         "2.5 spacing 1.3\n",
-        high, high - panelHeight, quote(panel.label), high - panelHeight / 2);
+        115.5 / width, 880.0 / width, high, high - panelHeight, quote(panel.label), 896.5 / width, high - panelHeight / 2);
     script += i + 1 < count ? "set format x ''\nunset xlabel\n" : "set format x '%g'\nset xlabel 'time (s)'\n";
     script += panel.fromZero ? "set yrange [0:*]\nset offsets 0, 0, graph 0.05, 0\n"
                              : "set yrange [*:*]\nset offsets 0, 0, graph 0.05, graph 0.05\n";
@@ -103,6 +109,40 @@ std::string makeTimeScript(const std::string& name, const std::vector<Panel>& pa
 void writePlot(OutputFolder& out, const std::string& name, const std::string& data, const std::string& script) {
   io::writeFileAtomically(out.file("plots/" + name + ".dat"), data);
   io::writeFileAtomically(out.file("plots/" + name + ".gp"), script);
+}
+
+struct Bar {
+  std::string name;
+  double value;
+  std::string note;  ///< behind the bar
+};
+
+/** Horizontal bars, the first on top. */
+void writeBars(OutputFolder& out, const std::string& name, const std::string& label, const std::vector<Bar>& bars) {
+  std::string data = "# name value note\n";
+  for (const Bar& bar : bars) data += fmt::format("\"{}\" {:.9g} \"{}\"\n", bar.name, bar.value, bar.note);
+  size_t longest = 0;
+  double low = 0, high = 0;
+  for (const Bar& bar : bars) {
+    longest = std::max(longest, bar.name.size());
+    low = std::min(low, bar.value);
+    high = std::max(high, bar.value);
+  }
+  if (high == low) high = 1;
+  const int left = 48 + static_cast<int>(9.5 * static_cast<double>(longest)), width = left + 760,
+            height = 110 + 24 * static_cast<int>(bars.size());
+  const std::string script = fmt::format(
+      "# Draw again with: gnuplot {0}.gp\n"
+      "set terminal pngcairo size {1},{2} font 'DejaVu Sans,14' background rgb 'white' noenhanced\n"
+      "set output '{0}.png'\n{3}"
+      "set lmargin at screen {4:.5f}\nset rmargin at screen {5:.5f}\nset tmargin at screen {6:.5f}\nset bmargin at screen {7:.5f}\n"
+      "unset key\nset xlabel {8}\nset yrange [{9}:-0.6]\nset xrange [{11:.6g}:{12:.6g}]\n"
+      "set ytics scale 0\nset grid noytics\nset style fill solid 1.0 noborder\n"
+      "plot '{0}.dat' using 2:0:(0):2:($0-0.35):($0+0.35):ytic(1) with boxxyerror lc rgb '{10}', \\\n"
+      "     '' using ($2 > 0 ? $2 : 0):0:3 with labels left offset 0.6,0 font ',12' tc rgb '#202020'\n",
+      name, width, height, kCommon, static_cast<double>(left) / width, 1 - 40.0 / width, 1 - 20.0 / height, 80.0 / height, quote(label),
+      static_cast<double>(bars.size()) - 0.4, kColors[0], low - 0.05 * std::max(-low, 0.0), high + 0.45 * (high - low));
+  writePlot(out, name, data, script);
 }
 
 /** One line per frame: time and `values(load)` of every compartment, then of their sum. */
@@ -227,6 +267,46 @@ std::vector<std::string> writeElementPlots(OutputFolder& out, const scene::Traje
     scripts.push_back(keyword + ".gp");
   }
   return scripts;
+}
+
+std::vector<std::string> writeElementBars(OutputFolder& out, const scene::Trajectory& trajectory) {
+  const std::vector<scene::ElementColumn>& columns = trajectory.elementColumns;
+  const std::vector<double>& values = trajectory.frames.front().elements;
+  std::vector<std::string> keywords, scripts;
+  for (const auto& column : columns) {
+    if (std::find(keywords.begin(), keywords.end(), column.keyword) == keywords.end()) keywords.push_back(column.keyword);
+  }
+  for (const std::string& keyword : keywords) {
+    std::vector<Bar> bars;
+    size_t total = 0;
+    for (size_t i = 0; i < columns.size(); ++i) {
+      if (columns[i].keyword != keyword || columns[i].quantity != "force") continue;
+      ++total;
+      if (values[i] == 0) continue;
+      Bar bar{columns[i].element, values[i], fmt::format("{:.4g} N", values[i])};
+      for (size_t k = i; k < columns.size() && columns[k].element == columns[i].element; ++k) {
+        if (columns[k].quantity == "activation") bar.note += fmt::format(", activation {:.3g}", values[k]);
+      }
+      bars.push_back(std::move(bar));
+    }
+    if (bars.empty()) continue;
+    std::stable_sort(bars.begin(), bars.end(), [](const Bar& a, const Bar& b) { return std::abs(a.value) > std::abs(b.value); });
+    if (bars.size() > kMaxElementBars) bars.erase(bars.begin() + kMaxElementBars, bars.end());
+    writeBars(out, keyword, bars.size() < total ? fmt::format("{} force (N), {} of {}", keyword, bars.size(), total) : keyword + " force (N)", bars);
+    scripts.push_back(keyword + ".gp");
+  }
+  return scripts;
+}
+
+std::string writeForceBars(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory) {
+  std::vector<Bar> bars;
+  const std::vector<std::string> names = listCompartmentNames(scene);
+  for (const auto& row : listLoads(scene, trajectory.frames.front().contacts)) {
+    const double force_N = row.load.scalarForce_N;
+    bars.push_back({names[bars.size()], force_N, fmt::format("{:.4g} N, peak {:.3g} MPa", force_N, row.load.peakPressure_Pa * 1e-6)});
+  }
+  writeBars(out, "forces", "contact force (N)", bars);
+  return "forces.gp";
 }
 
 std::string writeForcePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory) {

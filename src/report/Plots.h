@@ -22,6 +22,13 @@ std::vector<std::string> writeMotionPlots(OutputFolder& out, const scene::Scene&
 std::vector<std::string> writeElementPlots(OutputFolder& out, const scene::Trajectory& trajectory);
 inline constexpr int kMaxElementCurves = 10;
 
+/** The same of a single frame, as bars: the strongest kMaxElementBars of those that carry. */
+std::vector<std::string> writeElementBars(OutputFolder& out, const scene::Trajectory& trajectory);
+inline constexpr size_t kMaxElementBars = 30;
+
+/** Scalar force of each compartment of a single frame, as bars. */
+std::string writeForceBars(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory);
+
 /** Scalar force and torque of each compartment over time. */
 std::string writeForcePlot(OutputFolder& out, const scene::Scene& scene, const scene::Trajectory& trajectory);
 

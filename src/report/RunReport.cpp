@@ -621,6 +621,9 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
         scripts.push_back(writePressurePlot(out, scene, trajectory));
       }
       for (const auto& script : writeElementPlots(out, trajectory)) scripts.push_back(script);
+    } else {
+      if (!scene.contacts.empty()) scripts.push_back(writeForceBars(out, scene, trajectory));
+      for (const auto& script : writeElementBars(out, trajectory)) scripts.push_back(script);
     }
     drawn = runGnuplot(out.staging() / "plots", scripts);
     if (!drawn.problem.empty()) output.notes.push_back("plots: " + drawn.problem);

@@ -87,25 +87,6 @@ std::shared_ptr<ElementDefinition> readSpring(const SceneNode& node, ElementCont
   return result;
 }
 
-TrackingController readTracking(const SceneNode& node, ElementContext& context) {
-  node.requireKeys({"coordinate", "target", "gain", "rate_gain", "rest"});
-  TrackingController controller;
-  const SceneNode coordinate = node.get("coordinate", "\"coordinate: tibiofemoral.rz\"");
-  controller.coordinate = context.readCoordinate(coordinate);
-  const CoordinateInfo info = listCoordinates(context.getModel(coordinate))[static_cast<size_t>(controller.coordinate)];
-  controller.target = context.readTimeFunction(node.get("target", "\"target: -30 deg\""), info.isAngle ? Dimension::angle : Dimension::length);
-  controller.gain = node.get("gain", info.isAngle ? "\"gain: -0.05 1/deg\"" : "\"gain: 0.1 1/mm\"")
-                        .getQuantity(info.isAngle ? Dimension::inverseAngle : Dimension::inverseLength);
-  if (const auto gain = node.find("rate_gain")) {
-    controller.rateGain = gain->getQuantity(info.isAngle ? Dimension::inverseAngularSpeed : Dimension::inverseSpeed);
-  }
-  if (const auto rest = node.find("rest")) {
-    controller.rest = rest->getQuantity(Dimension::dimensionless);
-    if (!(controller.rest >= 0 && controller.rest <= 1)) rest->fail("is " + formatNumber(controller.rest) + "; allowed: 0 to 1");
-  }
-  return controller;
-}
-
 TimeFunction readExcitation(const SceneNode& node, ElementContext& context) {
   TimeFunction excitation = context.readTimeFunction(node, Dimension::dimensionless);
   const auto check = [&](double value, const std::string& where) {
@@ -120,6 +101,22 @@ TimeFunction readExcitation(const SceneNode& node, ElementContext& context) {
     }
   }
   return excitation;
+}
+
+TrackingController readTracking(const SceneNode& node, ElementContext& context) {
+  node.requireKeys({"coordinate", "target", "gain", "rate_gain", "rest"});
+  TrackingController controller;
+  const SceneNode coordinate = node.get("coordinate", "\"coordinate: tibiofemoral.rz\"");
+  controller.coordinate = context.readCoordinate(coordinate);
+  const CoordinateInfo info = listCoordinates(context.getModel(coordinate))[static_cast<size_t>(controller.coordinate)];
+  controller.target = context.readTimeFunction(node.get("target", "\"target: -30 deg\""), info.isAngle ? Dimension::angle : Dimension::length);
+  controller.gain = node.get("gain", info.isAngle ? "\"gain: -0.05 1/deg\"" : "\"gain: 0.1 1/mm\"")
+                        .getQuantity(info.isAngle ? Dimension::inverseAngle : Dimension::inverseLength);
+  if (const auto gain = node.find("rate_gain")) {
+    controller.rateGain = gain->getQuantity(info.isAngle ? Dimension::inverseAngularSpeed : Dimension::inverseSpeed);
+  }
+  if (const auto rest = node.find("rest")) controller.rest = readExcitation(*rest, context);
+  return controller;
 }
 
 std::shared_ptr<ElementDefinition> readMuscle(const SceneNode& node, ElementContext& context) {

@@ -46,7 +46,7 @@ TEST(Generator, MakesTheCommittedFiles) {
       for (size_t k = 0; k < a.knotsV.size(); ++k) EXPECT_NEAR(a.knotsV[k], b.knotsV[k], 1e-11);
     }
   }
-  EXPECT_EQ(files, 18);  // 8 with surfaces, 10 others
+  EXPECT_EQ(files, 20);  // 8 with surfaces, 12 others
 }
 
 TEST(Generator, FailsWithAMessageWhereItCannotWrite) {

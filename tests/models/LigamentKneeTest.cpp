@@ -1,10 +1,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "ModelFiles.h"
 #include "genu/model/Experiments.h"
+#include "genu/model/ForceElement.h"
+#include "genu/model/KneeSystem.h"
+#include "genu/model/TimeCurve.h"
 #include "genu/scene/SceneFile.h"
 
 namespace genu::models_test {
@@ -29,7 +33,7 @@ double sumForces(const std::vector<scene::ElementColumn>& columns, const std::ve
 
 TEST(KneeWithLigaments, AllScenesAreReadAndUseWhatTheyDefine) {
   for (const char* name : {"knee_with_ligaments/natural.yaml", "knee_with_ligaments/natural_menisci.yaml", "knee_with_ligaments/artificial.yaml", "musculoskeletal_knee/isometric.yaml",
-                           "musculoskeletal_knee/leg_extension.yaml"}) {
+                           "musculoskeletal_knee/leg_extension.yaml", "musculoskeletal_knee/step.yaml"}) {
     SCOPED_TRACE(name);
     const scene::Scene scene = read(name);
     EXPECT_TRUE(scene.unused.empty());
@@ -133,15 +137,126 @@ TEST(MusculoskeletalKnee, IsometricContraction) {
   }
 }
 
+size_t findCoordinate(const scene::Scene& scene, const std::string& name) {
+  const auto coordinates = scene.coordinates();
+  size_t i = 0;
+  while (coordinates.at(i).name != name) ++i;
+  return i;
+}
+
 TEST(MusculoskeletalKnee, LegExtension) {
   const scene::Scene scene = read("musculoskeletal_knee/leg_extension.yaml");
   const model::GaitResult result = model::runGait(scene);
   ASSERT_TRUE(result.complete) << result.statusText;
-  const auto coordinates = scene.coordinates();
-  size_t flexion = 0;
-  while (coordinates[flexion].name != "tibiofemoral.rz") ++flexion;
-  // The quadriceps extend: flexion (positive in this tree) falls.
-  EXPECT_LT(result.frames.back().q[flexion], result.frames.front().q[flexion] - 5 * kDegree);
+  const size_t flexion = findCoordinate(scene, "tibiofemoral.rz");
+  // It begins at rest, and the quadriceps extend: flexion (positive in this tree) falls.
+  EXPECT_NEAR(result.frames.front().qdot[flexion], 0, 2 * kDegree);
+  double least = result.frames.front().q[flexion];
+  for (const auto& frame : result.frames) {
+    EXPECT_LT(frame.q[flexion], result.frames.front().q[flexion] + kDegree);
+    least = std::min(least, frame.q[flexion]);
+  }
+  EXPECT_LT(least, result.frames.front().q[flexion] - 20 * kDegree);
+}
+
+/** Force [N] that is left over on the patella after tendons, retinacula, contact, gravity, damping and mass times acceleration. `n`: a frame that
+ has neighbours. */
+double calcPatellaResidual_N(const model::KneeSystem& knee, SimTK::State& state, const model::GaitResult& run, size_t n) {
+  const auto pose = [&](const scene::Frame& frame) {
+    knee.prescribe(state, frame.time_s, false);
+    for (int i = 0; i < knee.numCoordinates(); ++i) {
+      state.updQ()[knee.stateIndex(i)] = frame.q[static_cast<size_t>(i)];
+      state.updU()[knee.stateIndex(i)] = frame.qdot[static_cast<size_t>(i)];
+    }
+    knee.system().realize(state, SimTK::Stage::Velocity);
+  };
+  const SimTK::MobilizedBody& patella = knee.body(knee.urdf().findLink("patella"));
+  const double dt = run.frames[n].time_s - run.frames[n - 1].time_s, mass = 0.0862;
+  pose(run.frames[n - 1]);
+  const SimTK::Vec3 before = patella.getBodyOriginLocation(state);
+  pose(run.frames[n + 1]);
+  const SimTK::Vec3 after = patella.getBodyOriginLocation(state);
+  const scene::Frame& frame = run.frames[n];
+  pose(frame);
+  SimTK::Vec3 sum = mass * (SimTK::Vec3(0, -9.81, 0) - (after - 2 * patella.getBodyOriginLocation(state) + before) / (dt * dt));
+
+  size_t column = 0;
+  for (const auto& element : knee.elements()) {
+    while (run.elementColumns[column].element != element->definition().name) ++column;
+    const double tension = frame.elements[column];  // the first column of each
+    const auto* ligament = dynamic_cast<const scene::LigamentDefinition*>(&element->definition());
+    const auto& path = ligament ? ligament->path : dynamic_cast<const scene::MuscleDefinition&>(element->definition()).path;
+    const std::vector<contact::Vec3> line = element->calcPath(state);
+    for (size_t i = 0; i < path.points.size(); ++i) {
+      if (path.points[i].body != "patella") continue;
+      const contact::Vec3& p = path.points[i].point_m;
+      const SimTK::Vec3 P = patella.findStationLocationInGround(state, SimTK::Vec3(p.x(), p.y(), p.z()));
+      const auto vertex = std::min_element(line.begin(), line.end(), [&](const contact::Vec3& a, const contact::Vec3& b) {
+        const contact::Vec3 at(P[0], P[1], P[2]);
+        return (a - at).norm() < (b - at).norm();
+      });
+      const auto pull = [&](const contact::Vec3& towards) {
+        const contact::Vec3 direction = (towards - *vertex).normalized();
+        sum += tension * SimTK::Vec3(direction.x(), direction.y(), direction.z());
+      };
+      if (i > 0 && path.points[i - 1].body != "patella") pull(*(vertex - 1));
+      if (i + 1 < path.points.size() && path.points[i + 1].body != "patella") pull(*(vertex + 1));
+    }
+  }
+  const auto& at = knee.contact().attachment(1);
+  const contact::Vec3& onFemur = frame.contacts[1].total.forceOnM_F;
+  const SimTK::Rotation R_GF = knee.matter().getMobilizedBody(at.fixed).getBodyRotation(state) * at.X_FixedF.R();
+  sum -= R_GF * SimTK::Vec3(onFemur.x(), onFemur.y(), onFemur.z());
+  SimTK::Vec3 speed;
+  for (int k = 0; k < 3; ++k) speed[k] = frame.qdot[findCoordinate(knee.scene(), std::string("patellofemoral.") + "xyz"[k])];
+  sum -= 30 * (patella.getParentMobilizedBody().getBodyRotation(state) * speed);  // damping of the joint, N s/m
+  return sum.norm();
+}
+
+// The stance phase under the whole body weight. Measured: the error stays below 1.6 degrees to 57 % of the cycle and grows to 6.6 at 60 %, where flexion
+// has to rise by 400 degrees per second; without the muscles the ground reaction bends it beyond 100 degrees in 0.24 s. The largest
+// force on the tibia is 4.5 times the body weight; in vivo it is 2.2 to 2.6 (docs/experiments.md says why this model's is larger). No contact
+// can press less than the ground does: the largest ground reaction is 1.1 body weights.
+TEST(MusculoskeletalKnee, StepUnderBodyWeight) {
+  const scene::Scene scene = read("musculoskeletal_knee/step.yaml");
+  const model::GaitResult result = model::runGait(scene);
+  ASSERT_TRUE(result.complete) << result.statusText;
+  const size_t flexion = findCoordinate(scene, "tibiofemoral.rz");
+  const scene::TimeFunction* target = nullptr;
+  for (const auto& element : scene.elements) {
+    if (element->name != "vaslat") continue;
+    const auto& muscle = dynamic_cast<const scene::MuscleDefinition&>(*element);
+    target = &std::get<scene::TrackingController>(muscle.excitation).target;
+  }
+  ASSERT_NE(target, nullptr);
+  const model::TimeCurve curve(*target);
+  constexpr double kWeight_N = 62 * 9.81;
+  double largest_N = 0;
+  // It does not begin with a jolt; the target's rate there is 5 degrees per second.
+  EXPECT_LT(std::abs(result.frames.front().qdot[flexion]), 10 * kDegree);
+  for (const auto& frame : result.frames) {
+    SCOPED_TRACE(frame.time_s);
+    const double error = frame.q[flexion] - curve.calcValue(frame.time_s);
+    EXPECT_LT(std::abs(error), (frame.time_s < 0.67 ? 2 : 9) * kDegree);
+    for (const double value : frame.q) EXPECT_TRUE(std::isfinite(value));
+    for (const double value : frame.elements) EXPECT_TRUE(std::isfinite(value));
+    for (size_t i = 0; i < result.elementColumns.size(); ++i) {
+      if (result.elementColumns[i].quantity != "force") continue;
+      EXPECT_GE(frame.elements[i], 0) << result.elementColumns[i].element;
+    }
+    ASSERT_EQ(frame.contacts.size(), 2u);
+    for (const auto& contact : frame.contacts) {
+      EXPECT_GT(contact.total.scalarForce_N, 0);
+      EXPECT_EQ(contact.total.notConvergedQueries, 0);
+    }
+    largest_N = std::max(largest_N, frame.contacts[0].total.scalarForce_N);
+  }
+  // The patella weighs 86 g: what muscles and tendon leave over is pressed on the femur. Left: differences over 10 ms and the steps' error.
+  model::KneeSystem knee(scene);
+  SimTK::State state = knee.system().realizeTopology();
+  for (size_t n = 5; n + 1 < result.frames.size(); n += 10) EXPECT_LT(calcPatellaResidual_N(knee, state, result, n), 3) << n;
+  EXPECT_GT(largest_N, 2.2 * kWeight_N);
+  EXPECT_LT(largest_N, 5.5 * kWeight_N);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "ReportFixtures.h"
 #include "genu/io/Table.h"
+#include "genu/report/ContactReport.h"
 #include "genu/report/Gnuplot.h"
 #include "genu/report/RunReport.h"
 
@@ -58,6 +59,37 @@ TEST_F(RunReportTest, WritesEverythingItLists) {
     EXPECT_EQ(testing::read(folder_ / "out" / file).substr(1, 3), "PNG");
   }
   EXPECT_TRUE(output.notes.empty());
+}
+
+// A single pose has no course over time: forces are bars, the strongest first, without those that carry nothing.
+TEST_F(RunReportTest, ASinglePoseIsDrawnAsBars) {
+  trajectory_.frames.resize(1);
+  trajectory_.elementColumns = {{"muscles", "slack", "force", "N"},     {"muscles", "slack", "activation", ""}, {"muscles", "weak", "force", "N"},
+                                {"muscles", "weak", "activation", ""},  {"muscles", "strong", "force", "N"},    {"muscles", "strong", "activation", ""},
+                                {"ligaments", "fibre", "force", "N"}};
+  trajectory_.frames[0].elements = {0, 0.02, 30, 0.1, 120, 0.5, 7.5};
+  info_.analysis = "static";
+  writeRun(scene_, trajectory_, info_);
+  EXPECT_EQ(testing::read(folder_ / "out/plots/muscles.dat"),
+            "# name value note\n\"strong\" 120 \"120 N, activation 0.5\"\n\"weak\" 30 \"30 N, activation 0.1\"\n");
+  EXPECT_THAT(testing::read(folder_ / "out/plots/muscles.gp"), HasSubstr("'muscles force (N), 2 of 3'"));
+  EXPECT_THAT(testing::read(folder_ / "out/plots/ligaments.dat"), HasSubstr("\"fibre\" 7.5 \"7.5 N\""));
+  const auto names = listCompartmentNames(scene_);
+  for (const std::string& name : names) EXPECT_THAT(testing::read(folder_ / "out/plots/forces.dat"), HasSubstr('"' + name + "\" "));
+  if (!hasGnuplot(folder_)) GTEST_SKIP() << "gnuplot is not installed: pictures not tested";
+  for (const char* file : {"forces", "muscles", "ligaments"}) {
+    EXPECT_EQ(testing::read(folder_ / "out/plots" / (std::string(file) + ".png")).substr(1, 3), "PNG") << file;
+  }
+}
+
+// 40 letters at 9.5 pixels beside panels of 764.
+TEST_F(RunReportTest, KeysHaveRoomForLongNames) {
+  info_.plots = true;
+  trajectory_.elementColumns = {{"springs", std::string(40, 'n'), "force", "N"}};
+  for (auto& frame : trajectory_.frames) frame.elements = {1};
+  writeRun(scene_, trajectory_, info_);
+  EXPECT_THAT(testing::read(folder_ / "out/plots/springs.gp"), HasSubstr("size 1350,430"));
+  EXPECT_THAT(testing::read(folder_ / "out/plots/motion.gp"), HasSubstr("size 1100,"));
 }
 
 // A run of ligaments alone says nothing about contact, and when which of them pulled most.

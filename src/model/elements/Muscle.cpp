@@ -20,6 +20,7 @@ class Excitation {
     if (const auto* track = std::get_if<scene::TrackingController>(&definition.excitation)) {
       controller_ = *track;
       curve_ = knee.addCurve(track->target, definition.key() + ", target");
+      rest_ = knee.addCurve(track->rest, definition.key() + ", rest");
     } else {
       curve_ = knee.addCurve(std::get<scene::TimeFunction>(definition.excitation), definition.key() + ", excitation");
     }
@@ -30,7 +31,7 @@ class Excitation {
     const double t = state.getTime();
     if (!controller_) return std::clamp(curve_->calcValue(t), 0.0, 1.0);
     const int i = knee_.stateIndex(controller_->coordinate);
-    double e = controller_->rest + controller_->gain * (curve_->calcValue(t) - state.getQ()[i]);
+    double e = std::clamp(rest_->calcValue(t), 0.0, 1.0) + controller_->gain * (curve_->calcValue(t) - state.getQ()[i]);
     if (!atRest) e += controller_->rateGain * (curve_->calcDerivative(t, 1) - state.getU()[i]);
     return std::clamp(e, 0.0, 1.0);
   }
@@ -38,7 +39,8 @@ class Excitation {
  private:
   const KneeSystem& knee_;
   std::optional<scene::TrackingController> controller_;
-  std::shared_ptr<const TimeCurve> curve_;
+  std::shared_ptr<const TimeCurve> curve_;  // the excitation, or the controller's target
+  std::shared_ptr<const TimeCurve> rest_;   // of the controller
 };
 
 /** States: the activation, and with a compliant tendon the fibre length over the optimal one. */

@@ -90,13 +90,13 @@ struct SpringDefinition : ElementDefinition {
 
 /** Excitation that follows a coordinate:
 
-   e = e0 + Kp (q_target(t) - q) + Kd (dq_target/dt - dq/dt),  cut to [0, 1] */
+   e = e0(t) + Kp (q_target(t) - q) + Kd (dq_target/dt - dq/dt),  cut to [0, 1] */
 struct TrackingController {
   int coordinate = 0;        ///< index in ModelSpec::coordinates
   TimeFunction target = 0.0;
   double gain = 0;           ///< 1/rad or 1/m, either sign
   double rateGain = 0;       ///< s/rad or s/m
-  double rest = 0;           ///< e0
+  TimeFunction rest = 0.0;   ///< e0, a feed-forward where it varies; each value in [0, 1]
 };
 
 struct MuscleDefinition : ElementDefinition {
