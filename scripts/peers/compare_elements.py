@@ -1,0 +1,193 @@
+"""Lengths, rates and forces of ligaments and muscles: Genu's, in the poses of its own runs, against OpenSim's in the same poses."""
+import re
+
+import numpy as np
+import opensim
+
+from .opensim_model import OpenSimModel
+
+
+class Difference:
+    """Of one element over all poses: largest differences and where they come from."""
+
+    def __init__(self, element, frames):
+        self.element = element
+        self.length, self.rate, self.force, self.law, self.own = (np.zeros(frames) for _ in range(5))
+        self.has_rate = False
+
+    def largest_force(self):
+        return float(np.max(np.abs(self.own)))
+
+
+def _read_force(force, state):
+    muscle = opensim.Muscle.safeDownCast(force)
+    if muscle is None:
+        return force.getTotalForce(state)
+    return muscle.getTendonForce(state)
+
+
+def path_rate(run, element, i):
+    """dL/dt of a muscle with a rigid tendon follows from its fibre [m/s]."""
+    name = element.name
+    return run.elements[f"{name}.fibre_velocity_m_per_s"][i] / np.cos(run.elements[f"{name}.pennation_rad"][i])
+
+
+class StraightLine:
+    """Every element of a scene as a straight line of a length and rate that are given: its law without its path."""
+
+    def __init__(self, scene, **options):
+        from .scene import PathPoint
+
+        class Straight:
+            pass
+
+        def straighten(element):
+            copy = type(element).__new__(type(element))
+            copy.__dict__ = dict(element.__dict__)
+            copy.points = [PathPoint({"body": "ground", "at": "0 mm, 0 mm, 0 mm"}), PathPoint({"body": "end", "at": "0 mm, 0 mm, 0 mm"})]
+            copy.wraps = [None]
+            return copy
+
+        line = Straight()
+        line.gravity, line.wraps, line.elements, line.urdf = [0, 0, 0], {}, [straighten(e) for e in scene.elements], _LineUrdf()
+        self.built = OpenSimModel(line, **options)
+        self.built.start()
+        self.slider = self.built.coordinates["line_x"]
+
+    def force(self, name, length, rate, activation=None):
+        built = self.built
+        self.slider.setValue(built.state, float(length), False)
+        self.slider.setSpeedValue(built.state, float(rate))
+        force = built.forces[name]
+        if activation is not None:
+            force.setActivation(built.state, float(activation))
+            built.model.realizeDynamics(built.state)
+        else:
+            built.model.realizeVelocity(built.state)
+        return _read_force(force, built.state)
+
+
+class _LineUrdf:
+    """Ground and a body that floats."""
+
+    def __init__(self):
+        from .rotation import Pose
+
+        class Link:
+            name, mass, centre, inertia = "end", 1.0, [0, 0, 0], [1, 1, 1, 0, 0, 0]
+
+        class Joint:
+            name, type, parent, child, X_PF = "line", "floating", "ground", "end", Pose()
+
+            @staticmethod
+            def coordinates():
+                return [f"line.{n}" for n in ("rx", "ry", "rz", "x", "y", "z")]
+
+        self.root, self.joints, self.links = "ground", [Joint()], {"end": Link()}
+
+    @staticmethod
+    def moving_link(link):
+        from .rotation import Pose
+
+        return link, Pose()
+
+
+def compare(scene, run, muscle="de-groote", kinds=("ligaments", "muscles"), probes=None):
+    """Differences of every element, OpenSim minus Genu, in every row of a run. probes: a run of the same scene with a column of the rate of
+    every ligament, see add_probes()."""
+    built = OpenSimModel(scene, muscle=muscle, kinds=kinds)
+    built.start()
+    line = StraightLine(scene, muscle=muscle, kinds=kinds)
+    elements = [e for e in scene.elements if e.kind in kinds]
+    differences = {e.name: Difference(e, len(run.motion)) for e in elements}
+    for source, only_rates in ((run, False), (probes, True)):
+        if source is None:
+            continue
+        values = {c.replace(".", "_"): source.coordinate(c) for c in built.coordinate_names}
+        rates = {c.replace(".", "_"): source.rate(c) for c in built.coordinate_names}
+        for i in range(len(source.motion)):
+            built.place({k: v[i] for k, v in values.items()}, {k: v[i] for k, v in rates.items()})
+            for e in elements:
+                if e.kind == "muscles":
+                    built.forces[e.name].setActivation(built.state, float(source.elements[f"{e.name}.activation"][i]))
+            built.model.realizeDynamics(built.state)
+            for e in elements:
+                d, force = differences[e.name], built.forces[e.name]
+                if only_rates:
+                    if e.kind == "ligaments":
+                        d.rate[i] = force.getLengtheningSpeed(built.state) - source.elements[f"probe_{e.name}.fibre_velocity_m_per_s"][i]
+                        d.has_rate = True
+                    continue
+                own_length, own_force = source.elements[f"{e.name}.length_m"][i], source.elements[f"{e.name}.force_N"][i]
+                rate, activation = 0.0, None
+                if e.kind == "muscles":
+                    rate, activation = path_rate(source, e, i), source.elements[f"{e.name}.activation"][i]
+                    d.rate[i] = force.getLengtheningSpeed(built.state) - rate
+                    d.has_rate = True
+                d.length[i] = force.getLength(built.state) - own_length
+                d.force[i] = _read_force(force, built.state) - own_force
+                d.law[i] = line.force(e.name, own_length, rate, activation) - own_force
+                d.own[i] = own_force
+    return list(differences.values())
+
+
+def add_probes(scene, folder):
+    """Writes the scene with, beside every ligament, a muscle of 1 nN on the same path whose fibre is the whole path: its fibre velocity is
+    the path's rate, which elements.sto does not hold for ligaments. Returns the file."""
+    import pathlib
+
+    import yaml
+
+    given = dict(scene.yaml)
+    muscles = dict(given.get("muscles", {}))
+    for e in scene.of("ligaments"):
+        muscles[f"probe_{e.name}"] = {
+            "max_force": "1e-9 N", "fibre_length": e.given["slack"]["length"], "tendon_length": "1e-6 mm", "excitation": 0, "path": e.given["path"],
+        }
+    given["muscles"] = muscles
+    return write_scene(given, scene, pathlib.Path(folder) / f"{scene.file.stem}_probes.yaml")
+
+
+def write_scene(given, scene, file):
+    """Writes YAML with the paths of `scene` made absolute."""
+    import pathlib
+
+    import yaml
+
+    base = scene.file.parent
+
+    def absolute(value):
+        if isinstance(value, dict):
+            return {k: str((base / v).resolve()) if k in ("urdf", "nurbs", "table") and isinstance(v, str) else absolute(v) for k, v in value.items()}
+        return [absolute(v) for v in value] if isinstance(value, list) else value
+
+    file = pathlib.Path(file)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(yaml.safe_dump(absolute(given), sort_keys=False, width=1000))
+    return file
+
+
+def bundle(name):
+    return re.sub(r"\d+$", "", name)
+
+
+def summarise(differences):
+    """Rows by bundle and kind of path: name, fibres, path, largest force, and the largest differences."""
+    groups = {}
+    for d in differences:
+        e = d.element
+        if e.is_wrapped():
+            path = " ".join(sorted({w for w in e.wraps if w}))
+        else:
+            path = "via" if len(e.points) > 2 else "straight"
+        groups.setdefault((bundle(e.name) if e.kind == "ligaments" else e.name, path), []).append(d)
+    return [(name, path, members) for (name, path), members in groups.items()]
+
+
+def largest(members, what):
+    return max(float(np.max(np.abs(getattr(d, what)))) for d in members)
+
+
+def largest_share(members, what):
+    """Percent of each element's own largest force; 0 where it never pulls."""
+    return max(100 * float(np.max(np.abs(getattr(d, what)))) / d.largest_force() if d.largest_force() > 0 else 0.0 for d in members)
