@@ -191,3 +191,83 @@ def largest(members, what):
 def largest_share(members, what):
     """Percent of each element's own largest force; 0 where it never pulls."""
     return max(100 * float(np.max(np.abs(getattr(d, what)))) / d.largest_force() if d.largest_force() > 0 else 0.0 for d in members)
+
+
+def compare_at_rest(scene, run):
+    """Muscles with compliant tendons, settled in one pose: rows (name, Genu's force, OpenSim's, Genu's fibre length, OpenSim's)."""
+    built = OpenSimModel(scene, kinds=("muscles",), tendon="compliant")
+    built.start()
+    values = {c.replace(".", "_"): run.coordinate(c)[-1] for c in built.coordinate_names}
+    built.place(values, {k: 0.0 for k in values})
+    for name, force in built.forces.items():
+        force.setActivation(built.state, float(run.elements[f"{name}.activation"][-1]))
+    built.model.equilibrateMuscles(built.state)
+    built.model.realizeDynamics(built.state)
+    return [
+        (n, run.elements[f"{n}.force_N"][-1], f.getTendonForce(built.state), run.elements[f"{n}.fibre_length_m"][-1], f.getFiberLength(built.state))
+        for n, f in built.forces.items()
+    ]
+
+
+def curve_differences():
+    """OpenSim's two muscles: rows (curve, range, largest difference, where)."""
+    a, b = opensim.DeGrooteFregly2016Muscle(), opensim.Millard2012EquilibriumMuscle()
+    b.finalizeFromProperties()
+    a.finalizeFromProperties()
+    curves = [
+        ("active, f_l", np.linspace(0.5, 1.5, 201), a.calcActiveForceLengthMultiplier, b.get_ActiveForceLengthCurve().calcValue),
+        ("passive, f_p", np.linspace(0.5, 1.5, 201), a.calcPassiveForceMultiplier, b.get_FiberForceLengthCurve().calcValue),
+        ("velocity, f_v", np.linspace(-1, 1, 201), a.calcForceVelocityMultiplier, b.get_ForceVelocityCurve().calcValue),
+        ("tendon, f_t", np.linspace(1, 1.05, 201), a.calcTendonForceMultiplier, b.get_TendonForceLengthCurve().calcValue),
+    ]
+    rows = []
+    for name, x, f, g in curves:
+        d = np.array([f(float(v)) - g(float(v)) for v in x])
+        k = int(np.argmax(np.abs(d)))
+        rows.append((name, x[0], x[-1], d[k], x[k]))
+    return rows
+
+
+def ligament_damping():
+    """OpenSim's damping at c = 0.003 s, k = 1000 N, de/dt = 0.1 /s: rows (strain, force)."""
+    model = opensim.Model()
+    body = opensim.Body("end", 1.0, opensim.Vec3(0), opensim.Inertia(1, 1, 1))
+    joint = opensim.SliderJoint("slide", model.getGround(), body)
+    model.addBody(body)
+    model.addJoint(joint)
+    ligament = opensim.Blankevoort1991Ligament("ligament", model.getGround(), opensim.Vec3(0), body, opensim.Vec3(0), 1000.0, 1.0)
+    model.addForce(ligament)
+    state = model.initSystem()
+    rows = []
+    for strain in (0.001, 0.005, 0.01, 0.05):
+        joint.getCoordinate().setValue(state, 1 + strain)
+        joint.getCoordinate().setSpeedValue(state, 0.1)
+        model.realizeVelocity(state)
+        rows.append((strain, ligament.getDampingForce(state)))
+    return rows
+
+
+def activation_rates():
+    """Of two 'de-groote' muscles with 15, 60 ms and 10, 40 ms in one model, activation 0.2 and excitation 0.7: rates [1/s]."""
+    model = opensim.Model()
+    body = opensim.Body("end", 1.0, opensim.Vec3(0), opensim.Inertia(1, 1, 1))
+    model.addBody(body)
+    model.addJoint(opensim.SliderJoint("slide", model.getGround(), body))
+    muscles = []
+    for name, rise, fall in (("first", 0.015, 0.060), ("second", 0.010, 0.040)):
+        muscle = opensim.DeGrooteFregly2016Muscle()
+        muscle.setName(name)
+        muscle.set_ignore_tendon_compliance(True)
+        muscle.set_activation_time_constant(rise)
+        muscle.set_deactivation_time_constant(fall)
+        muscle.addNewPathPoint("a", model.getGround(), opensim.Vec3(0))
+        muscle.addNewPathPoint("b", body, opensim.Vec3(0.3, 0, 0))
+        model.addForce(muscle)
+        muscles.append(muscle)
+    state = model.initSystem()
+    for muscle in muscles:
+        muscle.setActivation(state, 0.2)
+    model.realizeVelocity(state)
+    model.setControls(state, opensim.Vector(2, 0.7))
+    model.realizeAcceleration(state)
+    return [m.getStateVariableDerivativeValue(state, "activation") for m in muscles]

@@ -1,20 +1,21 @@
 """One second of a leg whose knee is a hinge, driven by its muscles: integrated in Genu and in OpenSim."""
 import csv
 import math
+import multiprocessing
+import queue as queue_module
+import re
 import time
 
 import numpy as np
 import opensim
 import yaml
 
-from . import compare_elements
 from .genu import Run
 from .opensim_model import OpenSimModel
 from .rotation import Pose, from_body_xyz, to_body_xyz
 from .scene import Scene, quantity
 
 _JOINT = "knee.angle"
-_STEP_S = 0.01
 
 
 def _start_pose(scene, joint):
@@ -65,13 +66,16 @@ def write_hinge(source, folder):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "hinge.urdf").write_text(text + "</robot>\n")
 
-    # The scene's table of excitation, stretched to a second.
+    # The scene's table of excitation, stretched to a second, with a row every 25 ms: the spline through a few rows would overshoot to 0,
+    # where OpenSim's compliant 'de-groote' divides by the activation.
     table = next(e.given["excitation"]["table"] for e in source.of("muscles") if isinstance(e.given["excitation"], dict))
     with open(source.file.parent / table) as stream:
-        rows = [r for r in csv.reader(line for line in stream if not line.startswith("#"))]
-    last = float(rows[-1][0])
+        header, *rows = [r for r in csv.reader(line for line in stream if not line.startswith("#"))]
+    rows = np.array(rows, float)
+    times = np.linspace(0, 1, 41)
+    columns = [np.interp(times, rows[:, 0] / rows[-1, 0], rows[:, k]) for k in range(1, rows.shape[1])]
     with open(folder / "excitation.csv", "w") as stream:
-        csv.writer(stream).writerows([rows[0]] + [[float(r[0]) / last] + r[1:] for r in rows[1:]])
+        csv.writer(stream).writerows([header] + [[repr(float(v)) for v in row] for row in zip(times, *columns)])
     return start
 
 
@@ -81,26 +85,49 @@ def _about(axis, angle):
     return np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * K @ K
 
 
-def write_scene(source, folder, tendon, accuracy, start, fibre_damping=None):
+class Case:
+    """What of the leg is integrated. fibre_damping: None: as in the scene. wraps: False: straight lines instead. constant_excitation: of all
+    muscles, instead of the table. muscles: OpenSim's kinds that are run beside it."""
+
+    def __init__(self, name, tendon, fibre_damping=None, wraps=True, constant_excitation=None, muscles=("de-groote",)):
+        self.name, self.tendon, self.fibre_damping, self.wraps = name, tendon, fibre_damping, wraps
+        self.constant_excitation, self.muscles = constant_excitation, muscles
+
+
+CASES = [
+    Case("rigid, no fibre damping, straight paths, constant excitation", "rigid", 0, False, 0.05),
+    Case("rigid, no fibre damping, straight paths", "rigid", 0, False),
+    Case("rigid, no fibre damping", "rigid", 0),
+    Case("rigid", "rigid", muscles=("de-groote", "millard")),
+    Case("compliant, fibre damping 0.001", "compliant", 1e-3),
+    Case("compliant", "compliant", muscles=("de-groote", "millard")),
+]
+
+
+def write_scene(source, folder, case, accuracy, start, step_s):
     damping = source.yaml["model"]["joints"]["tibiofemoral"]["rz"]["free"]["damping"]
     muscles = {}
     for e in source.of("muscles"):
-        given = dict(e.given, tendon=tendon)
-        if fibre_damping is not None:
-            given["fibre_damping"] = fibre_damping
-        if isinstance(given["excitation"], dict):
+        given = dict(e.given, tendon=case.tendon)
+        if case.fibre_damping is not None:
+            given["fibre_damping"] = case.fibre_damping
+        if not case.wraps:
+            given["path"] = [item for item in given["path"] if "wrap" not in item]
+        if case.constant_excitation is not None:
+            given["excitation"] = case.constant_excitation
+        elif isinstance(given["excitation"], dict):
             given["excitation"] = dict(given["excitation"], table="excitation.csv")
         muscles[e.name] = given
-    used = {w for e in source.of("muscles") for w in e.wraps if w}
+    used = {w for e in source.of("muscles") if case.wraps for w in e.wraps if w}
     scene = {
-        "genu": 1, "name": f"a second of a hinge, {tendon} tendons",
+        "genu": 1, "name": f"a second of a hinge, {case.name}",
         "model": {"urdf": "hinge.urdf", "gravity": source.yaml["model"]["gravity"],
                   "joints": {"knee": {"angle": {"free": {"start": f"{start!r} rad", "damping": damping}}}}},
         "wraps": {k: v for k, v in source.yaml["wraps"].items() if k in used}, "muscles": muscles,
-        "analysis": {"gait": {"duration": "1 s", "output_interval": f"{_STEP_S} s", "accuracy": accuracy, "settle_first": False}},
+        "analysis": {"gait": {"duration": "1 s", "output_interval": f"{step_s} s", "accuracy": accuracy, "settle_first": False}},
         "output": {"plots": False, "maps": False},
     }
-    file = folder / f"hinge_{tendon}_{accuracy:g}{'' if fibre_damping is None else f'_beta{fibre_damping:g}'}.yaml"
+    file = folder / f"{re.sub('[^a-z0-9]+', '_', case.name)}_{accuracy:g}.yaml"
     file.write_text(yaml.safe_dump(scene, sort_keys=False, width=1000))
     return file
 
@@ -156,6 +183,79 @@ class OpenSimSecond:
         return np.array(angles), cpu
 
 
-def genu_second(program, file, folder):
-    run = Run(program, "gait", file, folder / f"results_{file.stem}")
-    return run, run.motion[_JOINT]
+class Row:
+    """One integration. own_error_deg: of the last angle, against the same program's tight run; difference_deg: largest of the tight
+    trajectories of both programs. failed: why, or None."""
+
+    def __init__(self, case, program, accuracy):
+        self.case, self.program, self.accuracy = case, program, accuracy
+        self.cpu_s = self.last_deg = self.own_error_deg = self.difference_deg = None
+        self.failed = None
+
+
+_TIGHT_GENU, _TIGHT_OPENSIM = 1e-9, 1e-8
+_OUTPUT_S, _LIMIT_S, _REPEATS = 0.01, 60, 3
+ACCURACIES = (1e-4, 1e-6)
+
+
+def _work(queue, arguments, start, accuracy, step_s):
+    try:
+        queue.put(OpenSimSecond(*arguments).run(start, accuracy, step_s=step_s))
+    except Exception as error:  # OpenSim's, as a text
+        queue.put(str(error))
+
+
+def _run_limited(arguments, start, accuracy, step_s=None):
+    """In a process of its own, which is ended after _LIMIT_S: (angles, cpu_s) or a text. OpenSim keeps the activation times of the first
+    'de-groote' muscle of a process."""
+    context = multiprocessing.get_context("spawn")
+    queue = context.Queue()
+    process = context.Process(target=_work, args=(queue, arguments, start, accuracy, step_s))
+    process.start()
+    try:
+        result = queue.get(timeout=_LIMIT_S)
+    except queue_module.Empty:
+        result = f"not done after {_LIMIT_S} s"
+    process.terminate()
+    process.join()
+    if isinstance(result, str) and "Unable to advance" in result:
+        result = "stops at " + re.search(r"Unable to advance time past ([0-9.]+?)\.?\s", result).group(1) + " s"
+    return result
+
+
+def compare(program, source, folder):
+    start = write_hinge(source, folder)
+    damping = quantity(source.yaml["model"]["joints"]["tibiofemoral"]["rz"]["free"]["damping"])
+    rows = []
+    for case in CASES:
+        def genu(accuracy, step_s=_OUTPUT_S):
+            file = write_scene(source, folder, case, accuracy, start, step_s)
+            return file, Run(program, "gait", file, folder / f"results_{file.stem}")
+
+        file, tight = genu(_TIGHT_GENU, _OUTPUT_S / 5)
+        angles = tight.coordinate(_JOINT)
+        scene = Scene(file)
+        excitations = {e.name: (tight.motion["time"], tight.elements[f"{e.name}.excitation"]) for e in scene.of("muscles")}
+        for accuracy in ACCURACIES:
+            row = Row(case, "Genu", accuracy)
+            runs = [genu(accuracy)[1] for _ in range(_REPEATS)]
+            row.cpu_s = min(r.statistics["cpu_time_s"] for r in runs)
+            row.last_deg = math.degrees(runs[0].coordinate(_JOINT)[-1])
+            row.own_error_deg = abs(row.last_deg - math.degrees(angles[-1]))
+            rows.append(row)
+        for muscle in case.muscles:
+            arguments = (scene, muscle, case.tendon, excitations, True, damping)
+            reference = _run_limited(arguments, start, _TIGHT_OPENSIM, _OUTPUT_S)
+            for accuracy in ACCURACIES:
+                row = Row(case, f"OpenSim, {muscle}", accuracy)
+                results = [_run_limited(arguments, start, accuracy) for _ in range(_REPEATS)]
+                if isinstance(results[0], str):
+                    row.failed = results[0]
+                else:
+                    row.cpu_s = min(r[1] for r in results)
+                    row.last_deg = math.degrees(results[0][0][-1])
+                    if not isinstance(reference, str):
+                        row.own_error_deg = abs(row.last_deg - math.degrees(reference[0][-1]))
+                        row.difference_deg = math.degrees(np.max(np.abs(reference[0] - angles[5::5])))
+                rows.append(row)
+    return rows
