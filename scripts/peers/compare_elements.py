@@ -74,7 +74,7 @@ class _LineUrdf:
         from .rotation import Pose
 
         class Link:
-            name, mass, centre, inertia = "end", 1.0, [0, 0, 0], [1, 1, 1, 0, 0, 0]
+            name, mass, centre, inertia = "end", 1.0, [0, 0, 0], np.eye(3)
 
         class Joint:
             name, type, parent, child, X_PF = "line", "floating", "ground", "end", Pose()

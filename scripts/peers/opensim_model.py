@@ -20,23 +20,21 @@ def _vec3(v):
 
 class OpenSimModel:
     """muscle: 'de-groote' or 'millard'. tendon: 'rigid', 'compliant', or None: as the scene says. copies: of every element.
-    damping: False leaves the fibre damping of 'de-groote' out. only: names of elements, or None."""
+    """
 
-    def __init__(self, scene, muscle="de-groote", tendon=None, copies=1, kinds=("ligaments", "muscles"), damping=True, only=None,
-                 transition_of_toe=2.0):
+    def __init__(self, scene, muscle="de-groote", tendon=None, copies=1, kinds=("ligaments", "muscles")):
         self.scene = scene
         self.model = opensim.Model()
         self.model.setGravity(_vec3(scene.gravity))
-        self._transition_of_toe = transition_of_toe
         self._bodies = {scene.urdf.root: self.model.updGround()}
         self._wraps = {}
-        self._options = (muscle, tendon, damping)
+        self._options = (muscle, tendon)
         self.coordinate_names = []
         for joint in scene.urdf.joints:
             if joint.type != "fixed":
                 self._add_joint(joint)
         self.forces = {}
-        elements = [e for e in scene.elements if e.kind in kinds and (only is None or e.name in only)]
+        elements = [e for e in scene.elements if e.kind in kinds]
         for copy in range(copies):
             for element in elements:
                 self._add_element(element, element.name if copy == 0 else f"{element.name}_{copy}")
@@ -92,8 +90,7 @@ class OpenSimModel:
         for name, link in self.scene.urdf.links.items():
             owner, X = self.scene.urdf.moving_link(name)
             if owner == carrier and link.mass > 0:
-                xx, yy, zz, xy, xz, yz = link.inertia
-                parts.append((link.mass, X.apply(link.centre), X.R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ X.R.T))
+                parts.append((link.mass, X.apply(link.centre), X.R @ link.inertia @ X.R.T))
         mass = sum(m for m, _, _ in parts)
         centre = sum(m * c for m, c, _ in parts) / mass
         inertia = sum(I + m * ((c - centre) @ (c - centre) * np.eye(3) - np.outer(c - centre, c - centre)) for m, c, I in parts)
@@ -155,14 +152,14 @@ class OpenSimModel:
         if "length" not in slack:
             raise ValueError(f"{element.name}: a slack length is needed, not {slack}")
         ligament = opensim.Blankevoort1991Ligament(name, element.number("stiffness"), element.number_of(slack["length"]))
-        ligament.set_transition_strain(self._transition_of_toe * element.number("toe_strain", 0.03))
+        ligament.set_transition_strain(2 * element.number("toe_strain", 0.03))  # where the toe ends
         if "damping" in element.given:
             raise ValueError(f"{element.name}: the two damping laws differ")
         ligament.set_damping_coefficient(0.0)
         return ligament
 
     def _make_muscle(self, element, name):
-        kind, tendon, damping = self._options
+        kind, tendon = self._options
         muscle = opensim.DeGrooteFregly2016Muscle() if kind == "de-groote" else opensim.Millard2012EquilibriumMuscle()
         muscle.setName(name)
         muscle.set_max_isometric_force(element.number("max_force"))
@@ -171,7 +168,7 @@ class OpenSimModel:
         muscle.set_pennation_angle_at_optimal(element.number("pennation", 0.0))
         muscle.set_max_contraction_velocity(element.number("max_velocity", 10.0))
         muscle.set_ignore_tendon_compliance((tendon or element.given.get("tendon", "rigid")) == "rigid")
-        muscle.set_fiber_damping(element.number("fibre_damping", 0.1) if damping else 0.0)
+        muscle.set_fiber_damping(element.number("fibre_damping", 0.1))
         activation = element.given.get("activation", {})
         muscle.set_activation_time_constant(element.number_of(activation.get("rise", "15 ms")))
         muscle.set_deactivation_time_constant(element.number_of(activation.get("fall", "60 ms")))

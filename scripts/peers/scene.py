@@ -6,6 +6,7 @@ import pathlib
 import re
 import xml.etree.ElementTree as xml
 
+import numpy as np
 import yaml
 
 from .rotation import Pose, from_body_xyz, from_fixed_xyz
@@ -34,7 +35,7 @@ def quantities(value):
 class Link:
     def __init__(self, element):
         self.name = element.get("name")
-        self.mass, self.centre, self.inertia = 0.0, [0.0, 0.0, 0.0], [0.0] * 6
+        self.mass, self.centre, self.inertia = 0.0, [0.0, 0.0, 0.0], np.zeros((3, 3))  # about the centre, in the link's axes
         inertial = element.find("inertial")
         if inertial is not None:
             self.mass = float(inertial.find("mass").get("value"))
@@ -42,7 +43,9 @@ class Link:
             if origin is not None:
                 self.centre = [float(v) for v in origin.get("xyz", "0 0 0").split()]
             i = inertial.find("inertia")
-            self.inertia = [float(i.get(k)) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
+            xx, yy, zz, xy, xz, yz = (float(i.get(k)) for k in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+            R = from_fixed_xyz([float(v) for v in (origin.get("rpy", "0 0 0") if origin is not None else "0 0 0").split()])
+            self.inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
 
 
 class Joint:

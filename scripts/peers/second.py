@@ -39,9 +39,9 @@ def _link(name, link=None, X=None):
         return f'<link name="{name}"/>\n'
     X = X or Pose()
     xyz = " ".join(repr(float(v)) for v in X.apply(link.centre))
-    rpy = " ".join(repr(float(v)) for v in _to_rpy(X.R))
-    tags = " ".join(f'{k}="{v!r}"' for k, v in zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), link.inertia))
-    return f'<link name="{name}"><inertial><origin xyz="{xyz}" rpy="{rpy}"/><mass value="{link.mass!r}"/><inertia {tags}/></inertial></link>\n'
+    I = X.R @ link.inertia @ X.R.T
+    tags = " ".join(f'{k}="{float(v)!r}"' for k, v in zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), [*np.diag(I), I[0, 1], I[0, 2], I[1, 2]]))
+    return f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{link.mass!r}"/><inertia {tags}/></inertial></link>\n'
 
 
 def write_hinge(source, folder):
@@ -87,20 +87,21 @@ def _about(axis, angle):
 
 class Case:
     """What of the leg is integrated. fibre_damping: None: as in the scene. wraps: False: straight lines instead. constant_excitation: of all
-    muscles, instead of the table. muscles: OpenSim's kinds that are run beside it."""
+    muscles, instead of the table. peers: kinds of muscle of OpenSim that are run beside it, and its integrator where it is not the default,
+    Runge-Kutta-Merson."""
 
-    def __init__(self, name, tendon, fibre_damping=None, wraps=True, constant_excitation=None, muscles=("de-groote",)):
+    def __init__(self, name, tendon, fibre_damping=None, wraps=True, constant_excitation=None, peers=("de-groote",)):
         self.name, self.tendon, self.fibre_damping, self.wraps = name, tendon, fibre_damping, wraps
-        self.constant_excitation, self.muscles = constant_excitation, muscles
+        self.constant_excitation, self.peers = constant_excitation, peers
 
 
 CASES = [
     Case("rigid, no fibre damping, straight paths, constant excitation", "rigid", 0, False, 0.05),
     Case("rigid, no fibre damping, straight paths", "rigid", 0, False),
     Case("rigid, no fibre damping", "rigid", 0),
-    Case("rigid", "rigid", muscles=("de-groote", "millard")),
+    Case("rigid", "rigid", peers=("de-groote", "de-groote, CPodes", "millard")),
     Case("compliant, fibre damping 0.001", "compliant", 1e-3),
-    Case("compliant", "compliant", muscles=("de-groote", "millard")),
+    Case("compliant", "compliant", peers=("de-groote", "millard", "millard, CPodes")),
 ]
 
 
@@ -135,8 +136,8 @@ def write_scene(source, folder, case, accuracy, start, step_s):
 class OpenSimSecond:
     """Integrated with Manager. excitations: muscle -> (times, values), the curve that Genu used."""
 
-    def __init__(self, scene, muscle, tendon, excitations, damping, rotational_damping):
-        self.built = OpenSimModel(scene, muscle=muscle, tendon=tendon, damping=damping)
+    def __init__(self, scene, muscle, tendon, excitations, rotational_damping):
+        self.built = OpenSimModel(scene, muscle=muscle, tendon=tendon)
         model = self.built.model
         damper = opensim.SpringGeneralizedForce("knee_angle")
         damper.setStiffness(0.0)
@@ -160,16 +161,16 @@ class OpenSimSecond:
         model.addController(controller)
         self.excitations = excitations
 
-    def run(self, start_angle, accuracy, method=None, step_s=None):
-        """Angles at the outputs, or only the last; processor time of the integration; steps taken."""
+    def run(self, start_angle, accuracy, cpodes=False, step_s=None):
+        """Angles at the outputs, or only the last; processor time of the integration."""
         state = self.built.start()
         self.built.place({"knee_angle": start_angle}, {"knee_angle": 0.0})
         for name, force in self.built.forces.items():
             force.setActivation(state, float(self.excitations[name][1][0]))
         self.built.model.equilibrateMuscles(state)
         manager = opensim.Manager(self.built.model)
-        if method is not None:
-            manager.setIntegratorMethod(method)
+        if cpodes:
+            manager.setIntegratorMethod(opensim.Manager.IntegratorMethod_CPodes)
         manager.setIntegratorAccuracy(accuracy)
         manager.setWriteToStorage(False)
         before = time.process_time()
@@ -198,19 +199,19 @@ _OUTPUT_S, _LIMIT_S, _REPEATS = 0.01, 60, 3
 ACCURACIES = (1e-4, 1e-6)
 
 
-def _work(queue, arguments, start, accuracy, step_s):
+def _work(queue, arguments, start, accuracy, cpodes, step_s):
     try:
-        queue.put(OpenSimSecond(*arguments).run(start, accuracy, step_s=step_s))
+        queue.put(OpenSimSecond(*arguments).run(start, accuracy, cpodes, step_s))
     except Exception as error:  # OpenSim's, as a text
         queue.put(str(error))
 
 
-def _run_limited(arguments, start, accuracy, step_s=None):
+def _run_limited(arguments, start, accuracy, cpodes=False, step_s=None):
     """In a process of its own, which is ended after _LIMIT_S: (angles, cpu_s) or a text. OpenSim keeps the activation times of the first
     'de-groote' muscle of a process."""
     context = multiprocessing.get_context("spawn")
     queue = context.Queue()
-    process = context.Process(target=_work, args=(queue, arguments, start, accuracy, step_s))
+    process = context.Process(target=_work, args=(queue, arguments, start, accuracy, cpodes, step_s))
     process.start()
     try:
         result = queue.get(timeout=_LIMIT_S)
@@ -243,12 +244,13 @@ def compare(program, source, folder):
             row.last_deg = math.degrees(runs[0].coordinate(_JOINT)[-1])
             row.own_error_deg = abs(row.last_deg - math.degrees(angles[-1]))
             rows.append(row)
-        for muscle in case.muscles:
-            arguments = (scene, muscle, case.tendon, excitations, True, damping)
-            reference = _run_limited(arguments, start, _TIGHT_OPENSIM, _OUTPUT_S)
+        for peer in case.peers:
+            muscle, *method = peer.split(", ")
+            arguments = (scene, muscle, case.tendon, excitations, damping)
+            reference = _run_limited(arguments, start, _TIGHT_OPENSIM, step_s=_OUTPUT_S)
             for accuracy in ACCURACIES:
-                row = Row(case, f"OpenSim, {muscle}", accuracy)
-                results = [_run_limited(arguments, start, accuracy) for _ in range(_REPEATS)]
+                row = Row(case, f"OpenSim, {peer}", accuracy)
+                results = [_run_limited(arguments, start, accuracy, bool(method)) for _ in range(_REPEATS)]
                 if isinstance(results[0], str):
                     row.failed = results[0]
                 else:
