@@ -1,10 +1,14 @@
 """Lengths, rates and forces of ligaments and muscles: Genu's, in the poses of its own runs, against OpenSim's in the same poses."""
+import pathlib
 import re
 
 import numpy as np
 import opensim
+import yaml
 
 from .opensim_model import OpenSimModel
+from .rotation import Pose
+from .scene import PathPoint
 
 
 class Difference:
@@ -36,11 +40,6 @@ class StraightLine:
     """Every element of a scene as a straight line of a length and rate that are given: its law without its path."""
 
     def __init__(self, scene, **options):
-        from .scene import PathPoint
-
-        class Straight:
-            pass
-
         def straighten(element):
             copy = type(element).__new__(type(element))
             copy.__dict__ = dict(element.__dict__)
@@ -48,7 +47,7 @@ class StraightLine:
             copy.wraps = [None]
             return copy
 
-        line = Straight()
+        line = _Line()
         line.gravity, line.wraps, line.elements, line.urdf = [0, 0, 0], {}, [straighten(e) for e in scene.elements], _LineUrdf()
         self.built = OpenSimModel(line, **options)
         self.built.start()
@@ -67,12 +66,14 @@ class StraightLine:
         return _read_force(force, built.state)
 
 
+class _Line:
+    """What OpenSimModel takes of a scene."""
+
+
 class _LineUrdf:
     """Ground and a body that floats."""
 
     def __init__(self):
-        from .rotation import Pose
-
         class Link:
             name, mass, centre, inertia = "end", 1.0, [0, 0, 0], np.eye(3)
 
@@ -87,8 +88,6 @@ class _LineUrdf:
 
     @staticmethod
     def moving_link(link):
-        from .rotation import Pose
-
         return link, Pose()
 
 
@@ -131,13 +130,29 @@ def compare(scene, run, muscle="de-groote", kinds=("ligaments", "muscles"), prob
     return list(differences.values())
 
 
+def own_rate_errors(scene, run, step_s=1e-5):
+    """How far OpenSim's rate of every wrapped path is from the derivative of its own length, largest over a run: name -> [m/s]."""
+    built = OpenSimModel(scene)
+    built.start()
+    errors = {e.name: 0.0 for e in scene.elements if e.is_wrapped() and e.name in built.forces}
+    for i in range(len(run.motion)):
+        q = {c.replace(".", "_"): run.coordinate(c)[i] for c in built.coordinate_names}
+        u = {c.replace(".", "_"): run.rate(c)[i] for c in built.coordinate_names}
+
+        def read(shift_s, what):
+            built.place({c: q[c] + shift_s * u[c] for c in q}, u)
+            built.model.realizeVelocity(built.state)
+            return {n: getattr(built.forces[n], what)(built.state) for n in errors}
+
+        rate, after, before = read(0, "getLengtheningSpeed"), read(step_s, "getLength"), read(-step_s, "getLength")
+        for n in errors:
+            errors[n] = max(errors[n], abs((after[n] - before[n]) / (2 * step_s) - rate[n]))
+    return errors
+
+
 def add_probes(scene, folder):
     """Writes the scene with, beside every ligament, a muscle of 1 nN on the same path whose fibre is the whole path: its fibre velocity is
     the path's rate, which elements.sto does not hold for ligaments. Returns the file."""
-    import pathlib
-
-    import yaml
-
     given = dict(scene.yaml)
     muscles = dict(given.get("muscles", {}))
     for e in scene.of("ligaments"):
@@ -150,10 +165,6 @@ def add_probes(scene, folder):
 
 def write_scene(given, scene, file):
     """Writes YAML with the paths of `scene` made absolute."""
-    import pathlib
-
-    import yaml
-
     base = scene.file.parent
 
     def absolute(value):

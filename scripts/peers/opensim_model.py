@@ -19,8 +19,7 @@ def _vec3(v):
 
 
 class OpenSimModel:
-    """muscle: 'de-groote' or 'millard'. tendon: 'rigid', 'compliant', or None: as the scene says. copies: of every element.
-    """
+    """muscle: 'de-groote' or 'millard'. tendon: 'rigid', 'compliant', or None: as the scene says. copies: of every element."""
 
     def __init__(self, scene, muscle="de-groote", tendon=None, copies=1, kinds=("ligaments", "muscles")):
         self.scene = scene

@@ -12,7 +12,7 @@ import yaml
 
 from .genu import Run
 from .opensim_model import OpenSimModel
-from .rotation import Pose, from_body_xyz, to_body_xyz
+from .rotation import Pose, from_body_xyz
 from .scene import Scene, quantity
 
 _JOINT = "knee.angle"
