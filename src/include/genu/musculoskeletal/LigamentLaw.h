@@ -13,7 +13,7 @@ namespace genu::musculoskeletal {
  k stiffness [N per unit strain], eps_l toe strain (0.03; OpenSim's "transition strain" is 2 eps_l), tau damping time [s]. T is C1 in L, at
  slack too, and never compressive. Energy is the integral of k f over L from L0; the damping part always takes power, T_damping dL/dt >= 0
  (where 1 + tau de/dt is cut off, all of the elastic tension).
- OpenSim damps with k c de/dt instead, only while stretched and lengthening, which jumps at slack: c corresponds to tau f(e).
+ OpenSim adds c de/dt [c in N s] instead, only while lengthening, faded in over the first percent of strain: c corresponds to k tau f(e).
 
  Slack length from a pose: see the functions below. */
 struct LigamentLaw {

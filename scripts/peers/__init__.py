@@ -1,0 +1,1 @@
+"""Comparisons of Genu with other programs; run by scripts/compare_peers."""
