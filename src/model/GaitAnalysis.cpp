@@ -135,6 +135,7 @@ class KneeOde : public OdeProblem {
       return "; the layer is too thin or too soft for the load, or the prescribed motion pushes one body through the "
              "other; check units of modulus, thickness and load";
     }
+    if (elementProblem_) return {};  // it says itself what to do
     return "; check loads, mass and prescribed motion, or try another accuracy";
   }
   const ArticularContactSubsystem::Counters& counters() const { return knee_.contact().getCounters(state_); }
@@ -160,7 +161,8 @@ class KneeOde : public OdeProblem {
       return false;
     }
     const std::string problem = knee_.findElementProblem(state_);
-    if (problem.empty()) return true;
+    elementProblem_ = !problem.empty();
+    if (!elementProblem_) return true;
     failure_ = problem;
     return false;
   }
@@ -178,7 +180,7 @@ class KneeOde : public OdeProblem {
   std::vector<int> own_;
   std::vector<double> tolerances_;
   std::string failure_;
-  bool touched_ = false, fullPenetration_ = false;
+  bool touched_ = false, fullPenetration_ = false, elementProblem_ = false;
 };
 
 std::string atTime(double t) {

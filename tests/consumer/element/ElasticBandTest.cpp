@@ -47,6 +47,17 @@ TEST(Law, SlackCarriesNothing) {
   }
 }
 
+TEST(Law, DampingFollowsTheRateAndNeverPushes) {
+  ElasticBandLaw damped = kLaw;
+  damped.damping_NSPerM = 20;
+  const double elastic_N = calcResponse(kLaw, 0.12).tension_N;
+  EXPECT_NEAR(calcResponse(damped, 0.12, 0.5).tension_N, elastic_N + 10, 1e-12);
+  EXPECT_NEAR(calcResponse(damped, 0.12, -0.5).tension_N, elastic_N - 10, 1e-12);
+  EXPECT_EQ(calcResponse(damped, 0.12, -5).tension_N, 0);
+  EXPECT_EQ(calcResponse(damped, 0.09, 5).tension_N, 0);
+  EXPECT_EQ(calcResponse(damped, 0.12, 0.5).energy_J, calcResponse(kLaw, 0.12).energy_J);
+}
+
 // Where the series takes over, the two forms of the energy agree to what both promise.
 TEST(Law, EnergyIsSmoothNearItsBeginning) {
   const double x = 1e-3;
@@ -98,16 +109,47 @@ TEST(Element, KeepsEnergyWhileTheWeightBounces) {
   EXPECT_LT(drift_J, 1e-4);
 }
 
-TEST(Reader, NamesFilePlaceAndWhatIsAllowed) {
+/** hanging_weight.yaml with one line changed. */
+std::string change(const std::string& from, const std::string& to) {
   std::ifstream file("hanging_weight.yaml");
   std::string text{std::istreambuf_iterator<char>(file), {}};
-  text.replace(text.find("rise: 5"), 7, "rise: 0");
+  return text.replace(text.find(from), from.size(), to);
+}
+
+// With damping the energy at a place is what it was, at any speed; and the weight comes to rest.
+TEST(Element, DampingTakesEnergy) {
+  const auto scene = genu::scene::parseScene(change("rise: 5", "rise: 5\n    damping: 20 N s/m"), "damped.yaml");
+  genu::model::KneeSystem knee(scene);
+  SimTK::State state = knee.system().realizeTopology();
+  state.updQ()[knee.stateIndex(0)] = 0.12;
+  state.updU()[knee.stateIndex(0)] = 0.5;
+  knee.system().realize(state, SimTK::Stage::Position);
+  const double atPosition_J = knee.system().calcPotentialEnergy(state);
+  knee.system().realize(state, SimTK::Stage::Acceleration);
+  EXPECT_EQ(knee.system().calcPotentialEnergy(state), atPosition_J);
+  EXPECT_NEAR(knee.calcElementOutputs(state).at(0), calcResponse(kLaw, 0.12).tension_N + 10, 1e-11);
+  const auto result = genu::model::runGait(scene);
+  ASSERT_TRUE(result.complete) << result.statusText;
+  EXPECT_LT(std::abs(result.frames.back().qdot.at(0)), 0.3);  // 1 m/s and more without
+}
+
+TEST(Reader, NamesFilePlaceAndWhatIsAllowed) {
   try {
-    genu::scene::parseScene(text, "changed.yaml");
+    genu::scene::parseScene(change("rise: 5", "rise: 0"), "changed.yaml");
     ADD_FAILURE() << "a rise of 0 was accepted";
   } catch (const genu::InputError& error) {
-    EXPECT_NE(std::string(error.what()).find("changed.yaml:15: elastic_bands.band.rise: "), std::string::npos) << error.what();
+    const std::string wanted = "changed.yaml:15: elastic_bands.band.rise: is \"0\"; allowed: 0.01 to 100";
+    EXPECT_EQ(std::string(error.what()), wanted);
   }
+}
+
+// The element's own advice reaches whoever runs statics.
+TEST(Element, SaysWhenItsForceHasNoMeaning) {
+  std::string text = change("start: 100 mm", "start: 300 mm");
+  text.replace(text.find("rise: 5"), 7, "rise: 60");
+  const auto result = genu::model::runStatic(genu::scene::parseScene(text, "far.yaml"));
+  EXPECT_EQ(result.status, genu::model::StaticResult::Status::notConverged);
+  EXPECT_NE(result.statusText.find("elastic_bands.band: the band is stretched"), std::string::npos) << result.statusText;
 }
 
 }  // namespace
