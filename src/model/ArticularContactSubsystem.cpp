@@ -23,12 +23,14 @@ struct Workspaces {
   Workspaces(const Workspaces&) {}
   Workspaces& operator=(const Workspaces&) {
     perPair.clear();
+    linear.clear();
     counters = {};
     return *this;
   }
   ~Workspaces() = default;
 
   std::vector<contact::ContactWorkspace> perPair;
+  std::vector<ArticularContactSubsystem::Linearization> linear;  ///< in place of evaluations, unless empty
   ArticularContactSubsystem::Counters counters;
 };
 
@@ -93,6 +95,11 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
       options.withEnergy = withEnergy;
       options.copyOnlySamePose = true;
       for (size_t i = 0; i < pairs.size(); ++i) {
+        if (!workspaces.linear.empty()) {
+          const contact::JointCoordinates q = contact::calcCoordinates(calcPose(state, pairs[i]));
+          extrapolate(workspaces.linear[i], q, workspaces.linear[i].qdot, results[i]);
+          continue;
+        }
         pairs[i].pair->evaluate(calcPose(state, pairs[i]), workspaces.perPair[i], options, results[i]);
         count(workspaces.counters, results[i]);
       }
@@ -127,6 +134,10 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
         if (!isDamped(i)) continue;
         contact::JointCoordinates q = contact::calcCoordinates(calcPose(state, pairs[i]));
         const contact::JointCoordinates qdot = calcCoordinateRates(q, calcVelocity(state, pairs[i]));
+        if (!workspaces.linear.empty()) {
+          extrapolate(workspaces.linear[i], q, qdot, results[i]);
+          continue;
+        }
         pairs[i].pair->evaluate(q, qdot, workspaces.perPair[i], options, results[i]);
         count(workspaces.counters, results[i]);
       }
@@ -137,6 +148,39 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
   /** The load that acts. */
   const contact::ContactResult& getActing(const State& state, size_t pair) const {
     return isDamped(pair) ? getDampedResults(state).at(pair) : getResults(state, false).at(pair);
+  }
+
+  static void extrapolate(const Linearization& about, const contact::JointCoordinates& q, const contact::JointCoordinates& qdot,
+                          contact::ContactResult& result) {
+    Eigen::Matrix<double, 6, 1> dq, dqdot;
+    for (int k = 0; k < 6; ++k) {
+      dq[k] = q[static_cast<size_t>(k)] - about.q[static_cast<size_t>(k)];
+      dqdot[k] = qdot[static_cast<size_t>(k)] - about.qdot[static_cast<size_t>(k)];
+    }
+    const Eigen::Matrix<double, 6, 1> change = about.at.stiffness * dq + about.at.damping * dqdot;
+    result = about.at;
+    result.total.forceOnM_F += change.head<3>();
+    result.total.momentOnM_Fo_F += change.tail<3>();
+  }
+
+  std::vector<Linearization> linearize(const State& state) const {
+    Workspaces& workspaces = updWorkspaces(state);
+    std::vector<Linearization> linearizations(pairs.size());
+    contact::ContactPair::Options options;
+    options.withStiffness = true;
+    options.copyOnlySamePose = true;
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      Linearization& about = linearizations[i];
+      about.q = contact::calcCoordinates(calcPose(state, pairs[i]));
+      about.qdot = calcCoordinateRates(about.q, calcVelocity(state, pairs[i]));
+      if (isDamped(i)) {
+        pairs[i].pair->evaluate(about.q, about.qdot, workspaces.perPair[i], options, about.at);
+      } else {
+        pairs[i].pair->evaluate(about.q, workspaces.perPair[i], options, about.at);
+      }
+      count(workspaces.counters, about.at);
+    }
+    return linearizations;
   }
 
   const PairRates& getRates(const State& state) const {
@@ -227,6 +271,18 @@ int ArticularContactSubsystem::addContactPair(const std::string& name, std::shar
   own.invalidateSubsystemTopologyCache();
   own.pairs.push_back({name, std::move(pair), attachment});
   return static_cast<int>(own.pairs.size()) - 1;
+}
+
+bool ArticularContactSubsystem::canLinearize() const {
+  const auto& pairs = guts().pairs;
+  return std::all_of(pairs.begin(), pairs.end(),
+                     [](const Guts::Pair& pair) { return pair.pair->definition().rule == contact::ContactRule::smooth; });
+}
+std::vector<ArticularContactSubsystem::Linearization> ArticularContactSubsystem::linearize(const SimTK::State& state) const {
+  return guts().linearize(state);
+}
+void ArticularContactSubsystem::useLinearization(const SimTK::State& state, std::vector<Linearization> linearizations) const {
+  guts().updWorkspaces(state).linear = std::move(linearizations);
 }
 
 void ArticularContactSubsystem::setTaskRunner(const contact::TaskRunner* runner) {

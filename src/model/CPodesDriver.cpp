@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "genu/model/Analysis.h"
-#include "genu/model/OdeIntegrator.h"
+#include "OdeIntegrators.h"
 
 namespace genu::model {
 
@@ -18,7 +17,8 @@ using SimTK::Vector;
  accuracy (relative) and accuracy/10 (absolute, the same for m, rad, m/s and rad/s). */
 class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
  public:
-  explicit CPodesDriver(OdeProblem& problem) : problem_(problem), y_(problem.size()), yDot_(problem.size()) {}
+  CPodesDriver(OdeProblem& problem, int maxOrder)
+      : problem_(problem), maxOrder_(std::min(maxOrder, 5)), y_(problem.size()), yDot_(problem.size()) {}
 
   std::string name() const override { return "cpodes"; }
 
@@ -37,7 +37,7 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
     }
     cpodes_->setErrHandlerFn();
     cpodes_->setEwtFn();
-    cpodes_->setMaxOrd(2);
+    cpodes_->setMaxOrd(maxOrder_);
     cpodes_->lapackDense(y_.size());
     cpodes_->setStopTime(stopTime);
     // CPODES derives its first step from y'; from y' = 0 it makes NaN. The error test corrects a step that is too long.
@@ -110,6 +110,7 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
   static constexpr double kFarAhead_s = 1e300;    // the stop time ends the run; this is only a direction
 
   OdeProblem& problem_;
+  int maxOrder_;
   std::unique_ptr<CPodes> cpodes_;
   Vector y_, yDot_;
   double time_ = 0;
@@ -120,14 +121,8 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
 
 }  // namespace
 
-std::vector<std::string> integratorNames() { return {"cpodes"}; }
-
-std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem,
-                                                 const std::string& where) {
-  if (name == "cpodes") return std::make_unique<CPodesDriver>(problem);
-  std::string names;
-  for (const std::string& known : integratorNames()) names += (names.empty() ? "'" : ", '") + known + "'";
-  throw InputError(where + ": unknown integrator '" + name + "'; available: " + names);
+std::unique_ptr<OdeIntegrator> makeCPodesDriver(OdeProblem& problem, const OdeSettings& settings) {
+  return std::make_unique<CPodesDriver>(problem, settings.maxOrder > 0 ? settings.maxOrder : 2);
 }
 
 }  // namespace genu::model

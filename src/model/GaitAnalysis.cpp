@@ -3,7 +3,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "ReducedDynamics.h"
+#include "KneeOde.h"
 #include "StaticAnalysis.h"
 #include "genu/model/KneeSystem.h"
 #include "genu/model/OdeIntegrator.h"
@@ -11,177 +11,6 @@
 namespace genu::model {
 
 namespace {
-
-using contact::EvaluationStatus;
-
-/** y = (q, u) of the free coordinates, then the states of force elements; prescribed coordinates are set from their curves, where the
- constraints then hold exactly and nothing needs to be projected. */
-class KneeOde : public OdeProblem {
- public:
-  KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, double accuracy)
-      : knee_(knee), state_(defaultState) {
-    std::vector<double> units;
-    for (int i = 0; i < knee.numCoordinates(); ++i) {
-      if (knee.isPrescribed(i)) continue;
-      free_.push_back(i);
-      index_.push_back(knee.stateIndex(i));
-      units.push_back(knee.coordinates()[static_cast<size_t>(i)].isAngle ? 1 / kAngleLength_m : 1.0);
-    }
-    // See runGait(): 1 mm and 10 m/s at the surfaces.
-    for (const double scale : {1e-3, 10.0}) {
-      for (const double unit : units) tolerances_.push_back(accuracy * scale * unit);
-    }
-    for (const auto& element : knee.elements()) {
-      for (const ForceElement::OwnState& own : element->states(state_)) {
-        own_.push_back(own.index);
-        tolerances_.push_back(accuracy * own.unit);
-      }
-    }
-  }
-
-  int size() const override { return static_cast<int>(tolerances_.size()); }
-  const std::vector<double>& absoluteTolerances() const override { return tolerances_; }
-
-  Evaluation evaluate(double t, const double* y, double* ydot) noexcept override {
-    try {
-      setState(t, y);
-      knee_.system().realize(state_, SimTK::Stage::Velocity);
-      if (!checkStatus()) return Evaluation::retry;
-      knee_.system().realize(state_, SimTK::Stage::Acceleration);
-      const SimTK::Vector& udot = state_.getUDot();
-      const size_t n = index_.size();
-      for (size_t k = 0; k < n; ++k) {
-        ydot[k] = y[n + k];
-        ydot[n + k] = udot[index_[k]];
-        if (!std::isfinite(ydot[n + k])) {
-          failure_ = "the acceleration is not finite";
-          return Evaluation::retry;
-        }
-      }
-      for (size_t k = 0; k < own_.size(); ++k) {
-        ydot[2 * n + k] = state_.getZDot()[own_[k]];
-        if (!std::isfinite(ydot[2 * n + k])) {
-          failure_ = "the rate of a muscle's state is not finite";
-          return Evaluation::retry;
-        }
-      }
-      touched_ = touched_ || hasContact();
-      failure_.clear();
-      return Evaluation::ok;
-    } catch (const std::exception& error) {
-      failure_ = error.what();
-      return Evaluation::retry;
-    }
-  }
-
-  /** The state that begins a run: coordinates and rates, and force elements settled there. */
-  std::vector<double> start(const scene::Coordinates& q, const scene::Coordinates& qdot) {
-    std::vector<double> y;
-    for (int i : free_) y.push_back(q[static_cast<size_t>(i)]);
-    for (int i : free_) y.push_back(qdot[static_cast<size_t>(i)]);
-    if (own_.empty()) return y;
-    SimTK::State settled = state_;
-    knee_.prescribe(settled, 0, true);
-    settled.updU() = 0.0;
-    for (size_t k = 0; k < index_.size(); ++k) settled.updQ()[index_[k]] = y[k];
-    knee_.settleElements(settled);
-    for (const int index : own_) y.push_back(settled.getZ()[index]);
-    return y;
-  }
-
-  /** False when the pose is not valid; failure() then says why. */
-  bool makeFrame(double t, const std::vector<double>& y, scene::Frame& frame) {
-    try {
-      setState(t, y.data());
-      const SimTK::MultibodySystem& system = knee_.system();
-      system.realize(state_, SimTK::Stage::Position);
-      for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
-        frame.contacts.push_back(knee_.contact().getResultWithEnergy(state_, i));
-      }
-      if (!checkStatus()) return false;
-      system.realize(state_, SimTK::Stage::Acceleration);
-      for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
-        if (knee_.contact().contactPair(i).definition().damping_sPerM > 0) {
-          frame.contacts[static_cast<size_t>(i)] = knee_.contact().calcDampedResultWithEnergy(state_, i);
-        }
-      }
-      frame.time_s = t;
-      frame.elements = knee_.calcElementOutputs(state_);
-      touched_ = touched_ || hasContact();
-      // What inverse dynamics without the constraints asks for is what the constraints supply.
-      SimTK::Vector force;
-      knee_.matter().calcResidualForceIgnoringConstraints(
-          state_, system.getMobilityForces(state_, SimTK::Stage::Dynamics),
-          system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), state_.getUDot(), force);
-      for (int i = 0; i < knee_.numCoordinates(); ++i) {
-        const int k = knee_.stateIndex(i);
-        frame.q.push_back(state_.getQ()[k]);
-        frame.qdot.push_back(state_.getU()[k]);
-        frame.qddot.push_back(state_.getUDot()[k]);
-        frame.constraintForce.push_back(knee_.isPrescribed(i) ? force[k] : 0.0);
-      }
-      return true;
-    } catch (const std::exception& error) {
-      failure_ = error.what();
-      return false;
-    }
-  }
-
-  bool touched() const { return touched_; }
-  /** Why the last evaluation was refused; empty when it was not. */
-  const std::string& failure() const { return failure_; }
-  std::string advice() const {
-    if (!failure_.empty() && fullPenetration_) {
-      return "; the layer is too thin or too soft for the load, or the prescribed motion pushes one body through the "
-             "other; check units of modulus, thickness and load";
-    }
-    if (elementProblem_) return {};  // it says itself what to do
-    return "; check loads, mass and prescribed motion, or try another accuracy";
-  }
-  const ArticularContactSubsystem::Counters& counters() const { return knee_.contact().getCounters(state_); }
-
- private:
-  void setState(double t, const double* y) {
-    knee_.prescribe(state_, t, false);
-    const size_t n = index_.size();
-    SimTK::Vector& q = state_.updQ();
-    for (size_t k = 0; k < n; ++k) q[index_[k]] = y[k];
-    SimTK::Vector& u = state_.updU();
-    for (size_t k = 0; k < n; ++k) u[index_[k]] = y[n + k];
-    if (own_.empty()) return;
-    SimTK::Vector& z = state_.updZ();
-    for (size_t k = 0; k < own_.size(); ++k) z[own_[k]] = y[2 * n + k];
-  }
-
-  bool checkStatus() {
-    const EvaluationStatus status = knee_.contact().getStatus(state_);
-    if (status > EvaluationStatus::extrapolated) {
-      fullPenetration_ = status == EvaluationStatus::fullPenetration;
-      failure_ = fullPenetration_ ? "full penetration" : "a closest-point query did not converge";
-      return false;
-    }
-    const std::string problem = knee_.findElementProblem(state_);
-    elementProblem_ = !problem.empty();
-    if (!elementProblem_) return true;
-    failure_ = problem;
-    return false;
-  }
-
-  bool hasContact() const {
-    for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
-      if (knee_.contact().getDampedResult(state_, i).total.activeElements > 0) return true;
-    }
-    return false;
-  }
-
-  const KneeSystem& knee_;
-  SimTK::State state_;
-  std::vector<int> free_, index_;  // coordinates, and their places in the State's q and u
-  std::vector<int> own_;
-  std::vector<double> tolerances_;
-  std::string failure_;
-  bool touched_ = false, fullPenetration_ = false, elementProblem_ = false;
-};
 
 std::string atTime(double t) {
   std::ostringstream text;
@@ -281,7 +110,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
 
   KneeOde ode(knee, state, gait.accuracy);
   const std::unique_ptr<OdeIntegrator> integrator =
-      makeOdeIntegrator(gait.integrator, ode, scene.file.string() + ": gait integrator");
+      makeOdeIntegrator(gait.integrator, ode, {gait.maxOrder, gait.step_s}, scene.where("analysis.gait.integrator"));
 
   GaitResult result;
   result.elementColumns = knee.listElementColumns();

@@ -47,7 +47,7 @@ TEST(OdeIntegrator, CPodesFollowsAnOscillator) {
     const std::vector<double>& absoluteTolerances() const override { return tolerances_; }
     std::vector<double> tolerances_ = {1e-7, 1e-6};
   } problem;
-  const auto integrator = makeOdeIntegrator("cpodes", problem, "test");
+  const auto integrator = makeOdeIntegrator("cpodes", problem, {}, "test");
   ASSERT_TRUE(integrator->initialize(0, {1, 0}, 0.6)) << integrator->errorText();
   std::vector<double> y;
   double largest = 0;
@@ -72,7 +72,7 @@ TEST(OdeIntegrator, FailureIsReportedNotThrown) {
     const std::vector<double>& absoluteTolerances() const override { return tolerances_; }
     std::vector<double> tolerances_ = {1e-6};
   } problem;
-  const auto integrator = makeOdeIntegrator("cpodes", problem, "test");
+  const auto integrator = makeOdeIntegrator("cpodes", problem, {}, "test");
   ASSERT_TRUE(integrator->initialize(0, {0}, 1));
   bool going = true;
   for (int i = 0; i < 10000 && going; ++i) going = integrator->step();
@@ -86,7 +86,7 @@ TEST(OdeIntegrator, UnknownNameListsTheKnownOnes) {
   scene::Scene scene = shortGait(urdf.path());
   scene.gait->integrator = "dassl";
   EXPECT_THAT(messageOf<InputError>([&] { runGait(scene); }),
-              AllOf(HasSubstr("knee.yaml"), HasSubstr("'dassl'"), HasSubstr("'cpodes'")));
+              AllOf(HasSubstr("knee.yaml"), HasSubstr("\"dassl\""), HasSubstr("known: cpodes")));
 }
 
 // Small vibration of the sphere about D0: k = dF/dD = (2 pi K/h)(R D - D^2). Amplitude a = D0/100 changes the period by

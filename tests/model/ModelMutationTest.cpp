@@ -53,14 +53,14 @@ void buildWithScene(const std::string& text) {
 
 TEST(ModelMutation, WrongUrdf) {
   const std::string urdf = readFuzzFile("files/leg.urdf");
-  EXPECT_GT(countModels(urdf, fuzz::mutate, 1, 3000, buildWithUrdf), 20);
-  EXPECT_GT(countModels(urdf, fuzz::mutateNumbers, 2, 1000, buildWithUrdf), 200);
+  EXPECT_GT(countModels(urdf, fuzz::mutate, 1, 1500, buildWithUrdf), 10);
+  EXPECT_GT(countModels(urdf, fuzz::mutateNumbers, 2, 500, buildWithUrdf), 100);
 }
 
 TEST(ModelMutation, WrongElements) {
   const std::string seed = readFuzzFile("corpus/scene/elements.yaml");
-  EXPECT_GT(countModels(seed, fuzz::mutate, 3, 2000, buildWithScene), 20);
-  EXPECT_GT(countModels(seed, fuzz::mutateNumbers, 4, 1000, buildWithScene), 200);
+  EXPECT_GT(countModels(seed, fuzz::mutate, 3, 1000, buildWithScene), 10);
+  EXPECT_GT(countModels(seed, fuzz::mutateNumbers, 4, 300, buildWithScene), 60);
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ TEST_P(Mutation, WrongTextIsAnInputError) {
 
 INSTANTIATE_TEST_SUITE_P(Inputs, Mutation,
                          testing::Values(Case{"scene/sphere.yaml", readSceneText, 1000},
-                                         Case{"scene/elements.yaml", readSceneText, 2000},
+                                         Case{"scene/elements.yaml", readSceneText, 1000},
                                          Case{"csv/a.csv", readCsvText, 5000}, Case{"sto/a.sto", readStoText, 5000},
                                          Case{"nurbs/a.json", readNurbsText, 5000},
                                          Case{"units/a.txt", readUnitsText, 5000},

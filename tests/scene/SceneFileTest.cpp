@@ -599,8 +599,9 @@ TEST_F(ModelScene, CoordinateAndAnalysisErrors) {
   EXPECT_THAT(message("knee.urdf", "no.urdf"), AllOf(StartsWith("15: model.urdf"), HasSubstr("not found")));
   EXPECT_THAT(message("method: both", "method: newtn"),
               AllOf(HasSubstr("did you mean \"newton\""), HasSubstr("newton, implicit-euler, both")));
-  EXPECT_THAT(message("accuracy: 1e-5", "accuracy: 0"), HasSubstr("allowed: 1e-12 to 0.1"));
-  EXPECT_THAT(message("accuracy: 1e-5", "integrator: euler"), HasSubstr("allowed: cpodes"));
+  EXPECT_THAT(message("accuracy: 1e-5", "accuracy: 0"), HasSubstr("allowed: 1e-12 to 0.001"));
+  EXPECT_THAT(message("accuracy: 1e-5", "step: 0 s"), HasSubstr("allowed: > 0"));
+  EXPECT_THAT(message("accuracy: 1e-5", "max_order: 13"), HasSubstr("12"));
   EXPECT_THAT(message("20 ms", "2 s"), HasSubstr("longer than the run"));
   EXPECT_THAT(message("20 ms", "1e-9 s"), HasSubstr("at most 1e+06"));
   EXPECT_THAT(message("settle_first: false", "settle_first: no"), HasSubstr("true, false"));

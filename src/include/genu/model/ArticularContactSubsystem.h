@@ -84,6 +84,19 @@ class ArticularContactSubsystem : public SimTK::ForceSubsystem {
    some velocities: ry closer than 1e-10 rad to it is moved to that distance, which turns the pose by no more. */
   static contact::JointCoordinates calcCoordinateRates(contact::JointCoordinates& q, const contact::SpatialVelocity& V);
 
+  /** The load of a pair as a linear function of its six coordinates and their rates, exact to first order where it was taken. */
+  struct Linearization {
+    contact::JointCoordinates q{}, qdot{};  ///< X_FM as coordinates, and their rates
+    contact::ContactResult at;              ///< there, with stiffness and damping
+  };
+  /** All pairs have a stiffness (smooth rule). */
+  bool canLinearize() const;
+  /** Evaluates every pair with its stiffness. Stage::Velocity. @throws std::invalid_argument a pair without (centre rule) */
+  std::vector<Linearization> linearize(const SimTK::State& state) const;
+  /** From now on the loads of this State are these, extrapolated, one per pair; empty: evaluated again. Poses near, where the multibody
+   system is to be differenced without evaluating contact. Takes effect with the next change of the State's coordinates. */
+  void useLinearization(const SimTK::State& state, std::vector<Linearization> linearizations) const;
+
   /** Work done through this State so far, over all pairs. */
   struct Counters {
     long evaluations = 0, copies = 0, distanceQueries = 0;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,8 +17,13 @@ class OdeProblem {
   };
   virtual ~OdeProblem() = default;
   virtual int size() const = 0;
+  /** y begins with so many coordinates and as many of their rates; 0: it is of no such form. */
+  virtual int numCoordinates() const { return 0; }
   /** Never throws: exceptions may not cross the integrators' C code. */
   virtual Evaluation evaluate(double t, const double* y, double* ydot) noexcept = 0;
+  virtual bool hasJacobian() const { return false; }
+  /** df/dy, column by column: jacobian[j * size() + i] = df_i/dy_j. Only with hasJacobian(). */
+  virtual Evaluation calcJacobian(double /*t*/, const double* /*y*/, double* /*jacobian*/) noexcept { return Evaluation::stop; }
   /** Absolute tolerance of each component, > 0; there is no relative one. */
   virtual const std::vector<double>& absoluteTolerances() const = 0;
 };
@@ -26,7 +32,7 @@ class OdeProblem {
 class OdeIntegrator {
  public:
   struct Statistics {
-    long stepsTaken = 0, stepsAttempted = 0, errorTestFailures = 0, convergenceFailures = 0, evaluations = 0;
+    long stepsTaken = 0, stepsAttempted = 0, errorTestFailures = 0, convergenceFailures = 0, evaluations = 0, jacobians = 0;
   };
   virtual ~OdeIntegrator() = default;
   virtual std::string name() const = 0;
@@ -41,9 +47,25 @@ class OdeIntegrator {
   virtual const std::string& errorText() const = 0;
 };
 
-/** "cpodes": BDF of order 1 and 2 with Newton iteration, Simbody's CPODES.
+struct OdeSettings {
+  int maxOrder = 0;       ///< of multistep methods; 0: the method's own
+  double step_s = 0;      ///< of fixed-step methods; 0: the method's own
+};
+
+/** An integrator by name: "cpodes" (BDF of order 1 and 2 with Newton iteration, Simbody's CPODES), "generalized-alpha", and those that
+ were registered.
     @throws InputError for an unknown name, listing the known ones; `where` is the key it came from */
-std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem,
+std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem, const OdeSettings& settings,
                                                  const std::string& where);
+
+struct OdeIntegratorKind {
+  std::string name;
+  std::string description;  ///< one line
+  std::function<std::unique_ptr<OdeIntegrator>(OdeProblem&, const OdeSettings&)> make;
+};
+/** Adds a kind; one of the same name is replaced. */
+void registerOdeIntegrator(OdeIntegratorKind kind);
+/** Names and descriptions, in the order in which they were added. */
+std::vector<OdeIntegratorKind> listOdeIntegrators();
 
 }  // namespace genu::model

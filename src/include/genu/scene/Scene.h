@@ -115,6 +115,8 @@ struct GaitSpec {
   double outputInterval_s = 0.01;
   double accuracy = 1e-4;       ///< CPodes accuracy
   std::string integrator = "cpodes";
+  int maxOrder = 0;             ///< of multistep methods; 0: the integrator's own
+  double step_s = 0;            ///< of fixed-step methods; 0: the integrator's own
   bool settleFirst = true;      ///< static analysis at t = 0 first
 };
 

@@ -1,0 +1,24 @@
+#include "Sundials.h"
+#include "genu/integrators/Sundials.h"
+
+namespace genu::integrators {
+
+void registerSundials() {
+  struct Entry {
+    SundialsKind kind;
+    const char *name, *description;
+  };
+  static constexpr Entry kEntries[] = {
+      {SundialsKind::cvodeBdf, "cvode-bdf", "BDF of order 1 to max_order (2), SUNDIALS CVODE"},
+      {SundialsKind::cvodeAdams, "cvode-adams", "Adams-Moulton with fixed-point iteration, for motion without stiffness, SUNDIALS CVODE"},
+      {SundialsKind::arkodeDirk, "arkode-dirk", "implicit Runge-Kutta of order max_order (2 to 5, default 3), SUNDIALS ARKODE"},
+      {SundialsKind::implicitEuler, "implicit-euler", "backward Euler with a fixed step, SUNDIALS ARKODE"}};
+  for (const Entry& entry : kEntries) {
+    const SundialsKind kind = entry.kind;
+    model::registerOdeIntegrator({entry.name, entry.description, [kind](model::OdeProblem& problem, const model::OdeSettings& settings) {
+                                    return std::unique_ptr<model::OdeIntegrator>(genuMakeSundials(kind, problem, settings));
+                                  }});
+  }
+}
+
+}  // namespace genu::integrators

@@ -1,0 +1,289 @@
+#include "Sundials.h"
+
+#include <arkode/arkode_arkstep.h>
+#include <cvode/cvode.h>
+#include <nvector/nvector_serial.h>
+#include <sunlinsol/sunlinsol_dense.h>
+#include <sunmatrix/sunmatrix_dense.h>
+#include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "genu/model/OdeIntegrator.h"
+
+namespace genu::integrators {
+
+namespace {
+
+using model::OdeIntegrator;
+using model::OdeProblem;
+using model::OdeSettings;
+
+constexpr double kSmallestStep = 1e-10;  ///< of the run: ends the creeping towards a state that cannot be passed
+constexpr long kMostSteps = 10'000'000;
+
+/** What both drivers share: vectors, the linear solver, and the calls back to the problem. */
+class SundialsDriver : public OdeIntegrator {
+ public:
+  SundialsDriver(std::string name, OdeProblem& problem) : problem_(problem), name_(std::move(name)) {}
+  ~SundialsDriver() override = default;
+
+  std::string name() const override { return name_; }
+  double time() const override { return time_; }
+  const std::string& errorText() const override { return error_; }
+
+  bool step() override {
+    if (time_ >= stop_) return false;
+    double reached = time_;
+    const int flag = advance(stop_, y_.get(), &reached);
+    time_ = reached;
+    if (flag >= 0) {
+      if (++taken_ < kMostSteps) return true;
+      error_ = "more than ten million steps; loosen the accuracy or check for a motion without damping";
+      return false;
+    }
+    if (error_.empty()) error_ = name_ + " failed with code " + std::to_string(flag);
+    return false;
+  }
+
+  bool initialize(double t0, const std::vector<double>& y0, double stopTime) override {
+    error_.clear();
+    if (SUNContext_Create(nullptr, &context_.value) != 0) return fail("no SUNDIALS context");
+    const auto n = static_cast<sunindextype>(problem_.size());
+    y_.reset(N_VNew_Serial(n, context_.value));
+    dense_.reset(N_VNew_Serial(n, context_.value));
+    time_ = t0;
+    stop_ = stopTime;
+    span_ = stopTime - t0;
+    std::copy(y0.begin(), y0.end(), N_VGetArrayPointer(y_.get()));
+    N_VConst(0, dense_.get());
+    if (rightSide(t0, y_.get(), dense_.get(), this) != 0) return fail("the start is not a valid state");
+    bool atRest = true;
+    for (sunindextype i = 0; i < n; ++i) atRest = atRest && N_VGetArrayPointer(dense_.get())[i] == 0;
+    // The first step is derived from y'; nothing can be derived from 0. The error test corrects a step that is too long.
+    firstStep_ = atRest ? 1e-5 * span_ : 0;
+    return setUp();
+  }
+
+  bool interpolate(double t, std::vector<double>& y) override {
+    if (getDense(t, dense_.get()) < 0) return false;
+    const double* values = N_VGetArrayPointer(dense_.get());
+    y.assign(values, values + problem_.size());
+    return true;
+  }
+
+ protected:
+  virtual bool setUp() = 0;
+  virtual int advance(double stop, N_Vector y, double* reached) = 0;
+  virtual int getDense(double t, N_Vector y) = 0;
+
+  bool fail(const std::string& what) {
+    if (error_.empty()) error_ = what;
+    return false;
+  }
+
+  static int toFlag(OdeProblem::Evaluation evaluation) {
+    return evaluation == OdeProblem::Evaluation::ok ? 0 : evaluation == OdeProblem::Evaluation::retry ? 1 : -1;
+  }
+  static int rightSide(double t, N_Vector y, N_Vector rate, void* self) {
+    auto& driver = *static_cast<SundialsDriver*>(self);
+    ++driver.evaluations_;
+    return toFlag(driver.problem_.evaluate(t, N_VGetArrayPointer(y), N_VGetArrayPointer(rate)));
+  }
+  static int jacobian(double t, N_Vector y, N_Vector, SUNMatrix matrix, void* self, N_Vector, N_Vector, N_Vector) {
+    auto& driver = *static_cast<SundialsDriver*>(self);
+    ++driver.jacobians_;
+    return toFlag(driver.problem_.calcJacobian(t, N_VGetArrayPointer(y), SUNDenseMatrix_Data(matrix)));
+  }
+  static int weights(N_Vector, N_Vector weight, void* self) {
+    const auto& tolerances = static_cast<SundialsDriver*>(self)->problem_.absoluteTolerances();
+    for (size_t i = 0; i < tolerances.size(); ++i) N_VGetArrayPointer(weight)[i] = 1 / tolerances[i];
+    return 0;
+  }
+  static void message(int code, const char*, const char*, char* text, void* self) {
+    if (code < 0) static_cast<SundialsDriver*>(self)->error_ = text;
+  }
+
+  struct Context {
+    SUNContext value = nullptr;
+    ~Context() {
+      if (value != nullptr) SUNContext_Free(&value);
+    }
+  };
+  struct Free {
+    void operator()(N_Vector v) const { N_VDestroy(v); }
+    void operator()(SUNMatrix m) const { SUNMatDestroy(m); }
+    void operator()(SUNLinearSolver s) const { SUNLinSolFree(s); }
+    void operator()(SUNNonlinearSolver s) const { SUNNonlinSolFree(s); }
+  };
+  using Vector = std::unique_ptr<std::remove_pointer_t<N_Vector>, Free>;
+  using Matrix = std::unique_ptr<std::remove_pointer_t<SUNMatrix>, Free>;
+  using LinearSolver = std::unique_ptr<std::remove_pointer_t<SUNLinearSolver>, Free>;
+  using NonlinearSolver = std::unique_ptr<std::remove_pointer_t<SUNNonlinearSolver>, Free>;
+
+  void makeLinearSolver() {
+    const auto n = static_cast<sunindextype>(problem_.size());
+    matrix_.reset(SUNDenseMatrix(n, n, context_.value));
+    solver_.reset(SUNLinSol_Dense(y_.get(), matrix_.get(), context_.value));
+  }
+
+  OdeProblem& problem_;
+  Context context_;  // first in, last out
+  Vector y_, dense_;
+  Matrix matrix_;
+  LinearSolver solver_;
+  NonlinearSolver iteration_;
+  double time_ = 0, stop_ = 0, span_ = 0, firstStep_ = 0;
+  long evaluations_ = 0, jacobians_ = 0, taken_ = 0;
+  std::string error_;
+
+ private:
+  std::string name_;
+};
+
+class Cvode : public SundialsDriver {
+ public:
+  Cvode(OdeProblem& problem, bool stiff, int maxOrder)
+      : SundialsDriver(stiff ? "cvode-bdf" : "cvode-adams", problem), stiff_(stiff), maxOrder_(std::min(maxOrder, stiff ? 5 : 12)) {}
+  ~Cvode() override {
+    if (memory_ != nullptr) CVodeFree(&memory_);
+  }
+
+  Statistics statistics() override {
+    Statistics s;
+    if (memory_ == nullptr) return s;
+    CVodeGetNumSteps(memory_, &s.stepsTaken);
+    CVodeGetNumErrTestFails(memory_, &s.errorTestFailures);
+    CVodeGetNumNonlinSolvConvFails(memory_, &s.convergenceFailures);
+    s.stepsAttempted = s.stepsTaken + s.errorTestFailures + s.convergenceFailures;
+    s.evaluations = evaluations_;
+    s.jacobians = jacobians_;
+    return s;
+  }
+
+ protected:
+  bool setUp() override {
+    if (memory_ != nullptr) CVodeFree(&memory_);
+    memory_ = CVodeCreate(stiff_ ? CV_BDF : CV_ADAMS, context_.value);
+    if (memory_ == nullptr) return fail("CVODE could not be made");
+    bool ok = CVodeSetErrHandlerFn(memory_, message, this) == 0 && CVodeSetUserData(memory_, this) == 0 &&
+              CVodeInit(memory_, rightSide, time_, y_.get()) == 0 && CVodeWFtolerances(memory_, &Cvode::weightsOf) == 0 &&
+              CVodeSetMaxOrd(memory_, maxOrder_) == 0 && CVodeSetStopTime(memory_, stop_) == 0 &&
+              CVodeSetMaxNumSteps(memory_, kMostSteps) == 0 && CVodeSetMinStep(memory_, kSmallestStep * span_) == 0 &&
+              CVodeSetInitStep(memory_, firstStep_) == 0;
+    if (stiff_) {
+      makeLinearSolver();
+      ok = ok && CVodeSetLinearSolver(memory_, solver_.get(), matrix_.get()) == 0;
+      if (problem_.hasJacobian()) ok = ok && CVodeSetJacFn(memory_, jacobian) == 0;
+    } else {
+      iteration_.reset(SUNNonlinSol_FixedPoint(y_.get(), 0, context_.value));
+      ok = ok && CVodeSetNonlinearSolver(memory_, iteration_.get()) == 0;
+    }
+    return ok || fail("CVODE could not be set up");
+  }
+  int advance(double stop, N_Vector y, double* reached) override { return CVode(memory_, stop, y, reached, CV_ONE_STEP); }
+  int getDense(double t, N_Vector y) override { return CVodeGetDky(memory_, t, 0, y); }
+
+ private:
+  // CVODE passes the user data, as the others do.
+  static int weightsOf(N_Vector y, N_Vector weight, void* self) { return weights(y, weight, self); }
+
+  bool stiff_;
+  int maxOrder_;
+  void* memory_ = nullptr;
+};
+
+class Arkode : public SundialsDriver {
+ public:
+  /** step_s > 0: fixed. */
+  Arkode(std::string name, OdeProblem& problem, int order, double step_s)
+      : SundialsDriver(std::move(name), problem), order_(order), step_s_(step_s) {}
+  ~Arkode() override {
+    if (memory_ != nullptr) ARKStepFree(&memory_);
+  }
+
+  Statistics statistics() override {
+    Statistics s;
+    if (memory_ == nullptr) return s;
+    ARKStepGetNumSteps(memory_, &s.stepsTaken);
+    ARKStepGetNumStepAttempts(memory_, &s.stepsAttempted);
+    ARKStepGetNumErrTestFails(memory_, &s.errorTestFailures);
+    ARKStepGetNumNonlinSolvConvFails(memory_, &s.convergenceFailures);
+    s.evaluations = evaluations_;
+    s.jacobians = jacobians_;
+    return s;
+  }
+
+ protected:
+  bool setUp() override {
+    if (memory_ != nullptr) ARKStepFree(&memory_);
+    memory_ = ARKStepCreate(nullptr, rightSide, time_, y_.get(), context_.value);
+    if (memory_ == nullptr) return fail("ARKODE could not be made");
+    makeLinearSolver();
+    bool ok = ARKStepSetErrHandlerFn(memory_, message, this) == 0 && ARKStepSetUserData(memory_, this) == 0 &&
+              ARKStepWFtolerances(memory_, weights) == 0 && ARKStepSetLinearSolver(memory_, solver_.get(), matrix_.get()) == 0 &&
+              ARKStepSetStopTime(memory_, stop_) == 0 && ARKStepSetMaxNumSteps(memory_, kMostSteps) == 0;
+    if (problem_.hasJacobian()) ok = ok && ARKStepSetJacFn(memory_, jacobian) == 0;
+    if (order_ == 1) {
+      double one = 1;
+      ButcherTable table(ARKodeButcherTable_Create(1, 1, 0, &one, &one, &one, nullptr), ARKodeButcherTable_Free);
+      ok = ok && ARKStepSetTables(memory_, 1, 0, table.get(), nullptr) == 0;
+    } else {
+      ok = ok && ARKStepSetTableNum(memory_, tableOf(order_), ARKODE_ERK_NONE) == 0;
+    }
+    // With a fixed step Newton has to get there by itself.
+    ok = ok && ARKStepSetMaxNonlinIters(memory_, step_s_ > 0 ? 30 : 4) == 0;
+    if (step_s_ > 0) {
+      ok = ok && ARKStepSetNonlinRDiv(memory_, 1e3) == 0 && ARKStepSetFixedStep(memory_, span_ / std::ceil(span_ / step_s_ - 1e-9)) == 0;
+    } else {
+      ok = ok && ARKStepSetMinStep(memory_, kSmallestStep * span_) == 0 && ARKStepSetInitStep(memory_, firstStep_) == 0;
+    }
+    return ok || fail("ARKODE could not be set up");
+  }
+  int advance(double stop, N_Vector y, double* reached) override { return ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP); }
+  int getDense(double t, N_Vector y) override { return ARKStepGetDky(memory_, t, 0, y); }
+
+ private:
+  using ButcherTable = std::unique_ptr<std::remove_pointer_t<ARKodeButcherTable>, void (*)(ARKodeButcherTable)>;
+
+  /** Stiffly accurate, L-stable methods. */
+  static ARKODE_DIRKTableID tableOf(int order) {
+    switch (order) {
+      case 2:
+        return ARKODE_TRBDF2_3_3_2;
+      case 4:
+        return ARKODE_SDIRK_5_3_4;
+      case 5:
+        return ARKODE_ARK548L2SA_DIRK_8_4_5;
+      default:
+        return ARKODE_ARK324L2SA_DIRK_4_2_3;
+    }
+  }
+
+  int order_;
+  double step_s_;
+  void* memory_ = nullptr;
+};
+
+}  // namespace
+
+OdeIntegrator* genuMakeSundials(SundialsKind kind, OdeProblem& problem, const OdeSettings& settings) {
+  const auto orderOr = [&settings](int standard) { return settings.maxOrder > 0 ? settings.maxOrder : standard; };
+  constexpr double kEulerStep_s = 1e-3;
+  switch (kind) {
+    case SundialsKind::cvodeBdf:
+      return new Cvode(problem, true, orderOr(2));
+    case SundialsKind::cvodeAdams:
+      return new Cvode(problem, false, orderOr(12));
+    case SundialsKind::arkodeDirk:
+      return new Arkode("arkode-dirk", problem, std::clamp(orderOr(3), 2, 5), settings.step_s);
+    case SundialsKind::implicitEuler:
+      return new Arkode("implicit-euler", problem, 1, settings.step_s > 0 ? settings.step_s : kEulerStep_s);
+  }
+  return nullptr;
+}
+
+}  // namespace genu::integrators
