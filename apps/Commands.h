@@ -54,6 +54,13 @@ struct ExperimentOptions {
   bool noPlots = false;
 };
 
+struct VerifyCommandOptions {
+  std::filesystem::path scene, output;
+  std::string grid;
+  std::string poseError, forceError;  ///< with units; empty: the defaults
+  bool full = false, noPlots = false;
+};
+
 // Each returns an exit code or throws InputError or ComputationError.
 int runStaticCommand(const RunOptions& options, const CommonOptions& common);
 int runGaitCommand(const RunOptions& options, const CommonOptions& common);
@@ -61,6 +68,7 @@ int runSeriesCommand(const RunOptions& options, const CommonOptions& common);
 int runReplayCommand(const RunOptions& options, const CommonOptions& common);
 int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& common);
 std::vector<std::string> listExperiments();
+int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& common);
 int runContactCommand(const ContactOptions& options, const CommonOptions& common);
 int runCheckCommand(const std::filesystem::path& scene, const CommonOptions& common);
 int runExplainCommand(const std::filesystem::path& scene, const CommonOptions& common);

@@ -75,6 +75,7 @@ int run(int argc, char** argv) {
   RunOptions runOptions;
   ContactOptions contactOptions;
   ExperimentOptions experimentOptions;
+  VerifyCommandOptions verifyOptions;
   std::filesystem::path scene;
   fit::FitOptions fitOptions;
   std::map<const CLI::App*, std::function<int()>> actions;
@@ -131,6 +132,21 @@ int run(int argc, char** argv) {
                               "Results: NAME.csv with every step, summary.json, plots/NAME.png.\n") +
                   kExitCodes);
   actions[command] = [&] { return runExperimentCommand(experimentOptions, common); };
+
+  command = app.add_subcommand("verify", "Error against run time: the scene with many integrators, tolerances, grids and rules");
+  addScene(*command, verifyOptions.scene);
+  command->add_option("-o,--output", verifyOptions.output, "Folder for the results; default: results/SCENE-verify")->type_name("DIR");
+  command->add_option("--grid", verifyOptions.grid, "Elements of every compartment instead of the scene's")->type_name("NXxNZ");
+  command->add_option("--pose-error", verifyOptions.poseError, "Error that the recommended setting may have; default: 0.01 mm")->type_name("LENGTH");
+  command->add_option("--force-error", verifyOptions.forceError, "The same for the force of a compartment; default: 5 N")->type_name("FORCE");
+  command->add_flag("--full", verifyOptions.full, "All integrators and more grids: some minutes instead of one");
+  command->add_flag("--no-plots", verifyOptions.noPlots, "No plots");
+  addCommonOptions(*command, common);
+  command->footer(std::string("\nExample:\n  genu verify models/artificial_knee/gait.yaml --pose-error \"0.001 mm\"\n\n"
+                              "Each setting is compared with a run on a grid twice as fine as the finest, with 100 times tighter steps.\n"
+                              "Results: verification.csv, verification.md, summary.json, plots/work_precision.png and .svg (docs/verification.md).\n") +
+                  kExitCodes);
+  actions[command] = [&] { return runVerifyCommand(verifyOptions, common); };
 
   command = app.add_subcommand("replay", "Evaluate the contact along a finished run, on another grid");
   command->add_option("RESULTS", runOptions.scene, "Results folder of `genu gait`, `genu static`, `genu series` or `genu replay`")

@@ -8,6 +8,7 @@
 #include <pugixml.hpp>
 
 #include "Program.h"
+#include "genu/io/Files.h"
 #include "genu/io/Table.h"
 
 namespace genu::app::testing {
@@ -175,6 +176,25 @@ TEST_F(Runs, GaitThenReplayOnAnotherGrid) {
   // About 48 active elements per compartment: whole cells are off by a few per cent.
   EXPECT_NEAR(force("out-replay-40x40") / force("out"), 1, 0.05);
   EXPECT_THAT(listFolder(), ElementsAre("out", "out-replay-40x40", "same"));
+}
+
+TEST_F(Runs, VerifyRecommendsASettingAndRunsItAgain) {
+  write("knee.yaml", replaced(kKnee, "  gait: {duration: 0.2 s, output_interval: 10 ms}\n", "  static: {method: newton}\n"));
+  write("knee.urdf", kUrdf);
+  write("gait.csv", kTable);
+  const Outcome bad = run({"verify", "knee.yaml", "--pose-error", "1"});
+  EXPECT_EQ(bad.exitCode, 2);
+  EXPECT_THAT(bad.err, HasSubstr("--pose-error: \"1\" has no unit"));
+  const Outcome outcome = run({"verify", "knee.yaml", "--output", "out", "--pose-error", "0.1 mm", "--no-plots"});
+  ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("Cheapest within 0.1 mm and 5 N: grid x"));
+  const json s = summary("out");
+  EXPECT_EQ(s.at("rows").size(), 8u);
+  EXPECT_LE(s.at("recommended").at("pose_error_mm").get<double>(), 0.1);
+  EXPECT_LE(s.at("recommended").at("force_error_N").get<double>(), 5);
+  const std::string csv = io::readFile(folder_ / "out/verification.csv");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 9);
+  for (const std::string file : s.at("files")) EXPECT_TRUE(fs::is_regular_file(folder_ / "out" / file)) << file;
 }
 
 TEST_F(Runs, StaticBalancesTheLoad) {
