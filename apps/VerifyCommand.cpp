@@ -103,7 +103,8 @@ std::string makePlot(const model::Verification& v, std::string& data, const std:
   };
   data.clear();
   for (const auto& row : v.rows) {
-    if (std::find(names.begin(), names.end(), nameOf(row)) == names.end()) names.push_back(nameOf(row));
+    // Gnuplot does not count an empty block.
+    if (row.problem.empty() && std::find(names.begin(), names.end(), nameOf(row)) == names.end()) names.push_back(nameOf(row));
   }
   const auto write = [&data](const model::VerifyRow& row) {
     // A logarithmic axis has no 0.
@@ -133,8 +134,8 @@ std::string makePlot(const model::Verification& v, std::string& data, const std:
       "set xlabel 'processor time (ms)'\nset multiplot layout 1,2\n",
       extension, extension == "png" ? "pngcairo size 1500,650" : "svg size 1500,650");
   for (const bool pose : {true, false}) {
-    script += pose ? "set lmargin at screen 0.07\nset rmargin at screen 0.39\nset ylabel 'pose error (mm)'\nset key off\n"
-                   : "set lmargin at screen 0.47\nset rmargin at screen 0.79\nset ylabel 'force error (N)'\nset key at screen 0.805, screen 0.9 left top Left reverse\n";
+    script += pose ? "set lmargin at screen 0.08\nset rmargin at screen 0.39\nset ylabel 'pose error (mm)'\nset key off\n"
+                   : "set lmargin at screen 0.48\nset rmargin at screen 0.79\nset ylabel 'force error (N)'\nset key at screen 0.805, screen 0.9 left top Left reverse\n";
     std::string curves;
     for (size_t k = 0; k < names.size(); ++k) {
       curves += fmt::format("{}'work_precision.dat' index {} using 1:{} with points pt {} ps 1.6 lc rgb '{}' title '{}'", curves.empty() ? "" : ", \\\n     ", k,
