@@ -9,7 +9,7 @@ using contact::EvaluationStatus;
 using Eigen::VectorXd;
 
 ReducedDynamics::ReducedDynamics(const KneeSystem& knee, const SimTK::State& defaultState, double time_s)
-    : knee_(knee), state_(defaultState), time_(time_s) {
+    : knee_(knee), state_(defaultState), linear_(defaultState), time_(time_s) {
   const int n = knee.numCoordinates();
   if (state_.getNU() != n) {
     throw InputError("the system has " + std::to_string(state_.getNU()) + " mobilities; static and gait analyses work on the " +
@@ -26,6 +26,8 @@ ReducedDynamics::ReducedDynamics(const KneeSystem& knee, const SimTK::State& def
   udot_ = zeroUDot_;
   state_.updU() = 0.0;
   knee_.prescribe(state_, time_, true);
+  linear_.updU() = 0.0;
+  knee_.prescribe(linear_, time_, true);
 }
 
 int ReducedDynamics::findFree(int coordinate) const {
@@ -52,29 +54,37 @@ VectorXd ReducedDynamics::scaled(const scene::Coordinates& q) const {
   return z;
 }
 
-const SimTK::State& ReducedDynamics::setPose(const VectorXd& z) {
-  SimTK::Vector& q = state_.updQ();
+void ReducedDynamics::setPose(SimTK::State& state, const VectorXd& z) const {
+  SimTK::Vector& q = state.updQ();
   for (int k = 0; k < numFree(); ++k) q[index_[static_cast<size_t>(k)]] = scale_[static_cast<size_t>(k)] * z[k];
-  knee_.system().realize(state_, SimTK::Stage::Position);
-  for (const auto& element : knee_.elements()) element->settle(state_);
+  knee_.system().realize(state, SimTK::Stage::Position);
+  for (const auto& element : knee_.elements()) element->settle(state);
+}
+
+const SimTK::State& ReducedDynamics::setPose(const VectorXd& z) {
+  setPose(state_, z);
   return state_;
 }
 
 EvaluationStatus ReducedDynamics::evaluate(const SimTK::Vector& udot, VectorXd& r) {
-  const SimTK::MultibodySystem& system = knee_.system();
   EvaluationStatus status = knee_.contact().getStatus(state_);
   problem_ = isValid(status) ? knee_.findElementProblem(state_) : std::string();
   if (!problem_.empty()) status = EvaluationStatus::notConverged;
+  calcForce(state_, udot, r);
+  return r.allFinite() ? status : EvaluationStatus::notConverged;
+}
+
+void ReducedDynamics::calcForce(SimTK::State& state, const SimTK::Vector& udot, VectorXd& r) {
+  const SimTK::MultibodySystem& system = knee_.system();
   r.resize(numFree());
-  system.realize(state_, SimTK::Stage::Dynamics);
+  system.realize(state, SimTK::Stage::Dynamics);
   // M udot + bias - applied forces: the force that would have to be added.
-  knee_.matter().calcResidualForceIgnoringConstraints(state_, system.getMobilityForces(state_, SimTK::Stage::Dynamics),
-                                                      system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), udot,
+  knee_.matter().calcResidualForceIgnoringConstraints(state, system.getMobilityForces(state, SimTK::Stage::Dynamics),
+                                                      system.getRigidBodyForces(state, SimTK::Stage::Dynamics), udot,
                                                       residual_);
   for (int k = 0; k < numFree(); ++k) {
     r[k] = -scale_[static_cast<size_t>(k)] * residual_[index_[static_cast<size_t>(k)]];
   }
-  return r.allFinite() ? status : EvaluationStatus::notConverged;
 }
 
 EvaluationStatus ReducedDynamics::calcStaticForce(const VectorXd& z, VectorXd& r) {
@@ -100,6 +110,27 @@ EvaluationStatus ReducedDynamics::calcDynamicResidual(const VectorXd& z, const V
 bool ReducedDynamics::calcStiffness(const VectorXd& z, const VectorXd& r0, Eigen::MatrixXd& K) {
   K.resize(numFree(), numFree());
   VectorXd shifted = z, r;
+  if (knee_.contact().numContactPairs() > 0 && knee_.contact().canLinearize()) {
+    state_.updU() = 0.0;
+    setPose(z);
+    knee_.system().realize(state_, SimTK::Stage::Velocity);
+    auto linearizations = knee_.contact().linearize(state_);
+    for (const auto& about : linearizations) {
+      if (!isValid(about.at.status)) return false;
+    }
+    knee_.contact().useLinearization(linear_, std::move(linearizations));
+    VectorXd at;
+    setPose(linear_, z);
+    calcForce(linear_, zeroUDot_, at);
+    for (int k = 0; k < numFree(); ++k) {
+      shifted[k] = z[k] + kDifference_m;
+      setPose(linear_, shifted);
+      calcForce(linear_, zeroUDot_, r);
+      K.col(k) = (at - r) / (shifted[k] - z[k]);
+      shifted[k] = z[k];
+    }
+    return K.allFinite();
+  }
   for (int k = 0; k < numFree(); ++k) {
     double step = kDifference_m;
     bool valid = false;

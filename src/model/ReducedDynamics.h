@@ -34,8 +34,9 @@ class ReducedDynamics {
   /** Force minus inertia, r = f(z, v) - M a - bias(z, v): 0 for a motion that obeys the equations of motion. */
   contact::EvaluationStatus calcDynamicResidual(const Eigen::VectorXd& z, const Eigen::VectorXd& v,
                                                 const Eigen::VectorXd& a, Eigen::VectorXd& r);
-  /** Stiffness K = -dr/dz at rest by forward differences of step kDifference_m; r0 is the force at z. Columns where
-   the shifted pose is not valid take the backward difference. @return false when neither is valid */
+  /** Stiffness K = -dr/dz at rest. Smooth rule: differences of the multibody system in which contact is linear, with its exact stiffness:
+   one evaluation of contact. Otherwise by forward differences of step kDifference_m from r0, the force at z; columns where
+   the shifted pose is not valid take the backward difference. @return false when there is none */
   bool calcStiffness(const Eigen::VectorXd& z, const Eigen::VectorXd& r0, Eigen::MatrixXd& K);
   static constexpr double kDifference_m = 1e-8;
 
@@ -56,9 +57,11 @@ class ReducedDynamics {
 
  private:
   contact::EvaluationStatus evaluate(const SimTK::Vector& udot, Eigen::VectorXd& r);
+  void calcForce(SimTK::State& state, const SimTK::Vector& udot, Eigen::VectorXd& r);
+  void setPose(SimTK::State& state, const Eigen::VectorXd& z) const;
 
   const KneeSystem& knee_;
-  SimTK::State state_;
+  SimTK::State state_, linear_;    // linear_: contact is linear, for the stiffness
   double time_;
   std::vector<int> free_, index_;  // coordinate, and its place in the State's q and u
   std::vector<double> scale_;      // q = scale z
