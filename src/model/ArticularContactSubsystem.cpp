@@ -344,6 +344,11 @@ std::vector<std::vector<contact::ElementField>> ArticularContactSubsystem::calcF
   own.pair->evaluate(guts().calcPose(state, own), workspace, {}, result);
   return own.pair->calcFields(workspace);
 }
+std::vector<std::vector<contact::ElementField>> ArticularContactSubsystem::calcTrackedFields(const SimTK::State& state, int pair) const {
+  guts().getResults(state, false);
+  const auto index = static_cast<size_t>(pair);
+  return guts().pairs.at(index).pair->calcFields(guts().updWorkspaces(state).perPair.at(index));
+}
 const ArticularContactSubsystem::Counters& ArticularContactSubsystem::getCounters(const State& state) const {
   return guts().getCounters(state);
 }

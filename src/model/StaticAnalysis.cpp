@@ -153,7 +153,7 @@ double Settling::findGap(const VectorXd& z, const Lowering& lowering) {
   const SimTK::State& state = dynamics_.setPose(z);
   double gap = kInfinity;
   for (const int i : lowering.pairs) {
-    for (const auto& compartment : dynamics_.knee().contact().calcFields(state, i)) {
+    for (const auto& compartment : dynamics_.knee().contact().calcTrackedFields(state, i)) {
       // Behind an open border there is no material: only how far away it is counts.
       for (const contact::ElementField& element : compartment) {
         gap = std::min(gap, element.footOnBorder ? std::abs(element.distance_m) : element.distance_m);

@@ -75,6 +75,9 @@ class ArticularContactSubsystem : public SimTK::ForceSubsystem {
   /** Element values at the State's pose and at rest, one vector per compartment. Stage::Position. */
   std::vector<std::vector<contact::ElementField>> calcFields(const SimTK::State& state, int pair) const;
 
+  /** The same from the memory of the State's own evaluations, much faster: distances of elements that cannot touch are lower bounds. */
+  std::vector<std::vector<contact::ElementField>> calcTrackedFields(const SimTK::State& state, int pair) const;
+
   /** The load on M as a spatial force (moment, force) on a body whose origin is `p_GBo`, all in ground. The fixed body
    gets the opposite of the same load, about its own origin. */
   static SimTK::SpatialVec toSpatialVecInG(const contact::NetLoad& load, const SimTK::Transform& X_GF,
