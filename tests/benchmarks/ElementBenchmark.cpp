@@ -26,6 +26,7 @@
 #include <string>
 #include <vector>
 
+#include "../model/TemporaryFile.h"
 #include "genu/model/KneeSystem.h"
 #include "genu/musculoskeletal/LigamentLaw.h"
 #include "genu/musculoskeletal/Muscle.h"
@@ -313,20 +314,7 @@ BENCHMARK_CAPTURE(wrap, ellipsoid_long, WrapSurface::makeEllipsoid(0.028, 0.023,
 
 // ---- As forces of a model.
 
-class TemporaryFile {
- public:
-  TemporaryFile(const std::string& name, const std::string& content)
-      : path_(std::filesystem::temp_directory_path() / ("genu-" + std::to_string(::getpid()) + "-" + name)) {
-    std::ofstream(path_) << content;
-  }
-  ~TemporaryFile() { std::filesystem::remove(path_); }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+using genu::model::testing_support::TemporaryFile;
 
 // The shank turns about z of the thigh, which turns about z of the pelvis.
 const char* const kUrdf = R"(<robot name='leg'><link name='pelvis'/>

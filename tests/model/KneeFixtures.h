@@ -9,6 +9,7 @@
 #include <memory>
 #include <string>
 
+#include "TemporaryFile.h"
 #include "genu/contact/AnalyticSurface.h"
 #include "genu/scene/Scene.h"
 
@@ -18,22 +19,6 @@ inline constexpr double kDegree = contact::kPi / 180;
 
 /** Coordinates by name, in the order of contact::JointCoordinates. */
 enum Coordinate { rx, ry, rz, x, y, z };
-
-/** A file that exists as long as the object. */
-class TemporaryFile {
- public:
-  TemporaryFile(const std::string& name, const std::string& content)
-      : path_(std::filesystem::temp_directory_path() / ("genu-" + std::to_string(::getpid()) + "-" + name)) {
-    std::ofstream(path_) << content;
-  }
-  ~TemporaryFile() { std::filesystem::remove(path_); }
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 /** Two links, tibia and femur; `jointOrigin` places F in the tibia link. */
 inline std::string kneeUrdf(double mass_kg = 3.0, const std::string& jointOrigin = "xyz='0 0 0' rpy='0 0 0'",

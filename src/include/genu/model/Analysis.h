@@ -49,8 +49,8 @@ struct StaticResult {
  towards the root), is found by lowering the child from above until it touches (each move is the smallest element distance, so it
  cannot overshoot). In a model with one joint and no force elements the same is done when a given start penetrates fully, and in `newton`
  when it is separated and y is free. States of muscles are at their equilibrium, activations equal to excitations.
- - newton: pseudo-transient continuation, (I/delta + K) dz = r with the stiffness K by finite differences and delta
-   grown as the residual falls, which ends as Newton's method; where it fails, implicit Euler takes over and Newton
+ - newton: pseudo-transient continuation, (I/delta + K) dz = r with the exact contact stiffness in K (centre rule: finite
+   differences) and delta grown as the residual falls, which ends as Newton's method; where it fails, implicit Euler takes over and Newton
    finishes (`method` says so).
  - implicitEuler: the paper's way. The equations of motion with a large viscous force on the free coordinates are
    integrated by implicit Euler with growing steps until the acceleration of the body, released at rest, is below
@@ -66,10 +66,10 @@ struct GaitResult : scene::Trajectory {
   std::optional<StaticResult> settling;  ///< absent when the scene starts without settling
 };
 
-/** Dynamic analysis [BF2004 §3.2]: prescribed coordinates follow their curves through Simbody constraints, the free
- ones are integrated from the static equilibrium at t = 0 and the rates at which it moves on (settleFirst), or from
+/** Dynamic analysis [BF2004 §3.2]: prescribed coordinates follow their curves, the free ones are integrated from the static equilibrium at t = 0 and the rates at which it moves on (settleFirst), or from
  their start values at rest.
 
+ Prescribed coordinates are eliminated while integrating; where force elements have states, and for outputs, Simbody's constraints are solved.
  Error control: the local error of each step is kept below `accuracy` in a weighted RMS norm in which 1 is
    1 mm for translations, 1 mm / kAngleLength_m for angles, 10 m/s and 10 m/s / kAngleLength_m for their rates, 0.1 for
    activations, 1 mm for muscle fibres,
