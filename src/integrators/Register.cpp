@@ -7,15 +7,18 @@ void registerSundials() {
   struct Entry {
     SundialsKind kind;
     const char *name, *description;
+    int lowestOrder, highestOrder;
+    model::OdeIntegratorKind::Step step;
   };
+  using Step = model::OdeIntegratorKind::Step;
   static constexpr Entry kEntries[] = {
-      {SundialsKind::cvodeBdf, "cvode-bdf", "BDF of order 1 to max_order (2), SUNDIALS CVODE"},
-      {SundialsKind::cvodeAdams, "cvode-adams", "Adams-Moulton with fixed-point iteration, for motion without stiffness, SUNDIALS CVODE"},
-      {SundialsKind::arkodeDirk, "arkode-dirk", "implicit Runge-Kutta of order max_order (2 to 5, default 3), SUNDIALS ARKODE"},
-      {SundialsKind::implicitEuler, "implicit-euler", "backward Euler with a fixed step, SUNDIALS ARKODE"}};
+      {SundialsKind::cvodeBdf, "cvode-bdf", "BDF of order 1 to max_order (2), SUNDIALS CVODE", 1, 5, Step::adaptive},
+      {SundialsKind::cvodeAdams, "cvode-adams", "Adams-Moulton with fixed-point iteration, for motion without stiffness, SUNDIALS CVODE", 1, 12, Step::adaptive},
+      {SundialsKind::arkodeDirk, "arkode-dirk", "implicit Runge-Kutta of order max_order (2 to 5, default 3), SUNDIALS ARKODE", 2, 5, Step::either},
+      {SundialsKind::implicitEuler, "implicit-euler", "backward Euler with a fixed step, SUNDIALS ARKODE", 0, 0, Step::fixed}};
   for (const Entry& entry : kEntries) {
     const SundialsKind kind = entry.kind;
-    model::registerOdeIntegrator({entry.name, entry.description, [kind](model::OdeProblem& problem, const model::OdeSettings& settings) {
+    model::registerOdeIntegrator({entry.name, entry.description, entry.lowestOrder, entry.highestOrder, entry.step, [kind](model::OdeProblem& problem, const model::OdeSettings& settings) {
                                     return std::unique_ptr<model::OdeIntegrator>(genuMakeSundials(kind, problem, settings));
                                   }});
   }

@@ -147,7 +147,7 @@ class SundialsDriver : public OdeIntegrator {
 class Cvode : public SundialsDriver {
  public:
   Cvode(OdeProblem& problem, bool stiff, int maxOrder)
-      : SundialsDriver(stiff ? "cvode-bdf" : "cvode-adams", problem), stiff_(stiff), maxOrder_(std::min(maxOrder, stiff ? 5 : 12)) {}
+      : SundialsDriver(stiff ? "cvode-bdf" : "cvode-adams", problem), stiff_(stiff), maxOrder_(maxOrder) {}
   ~Cvode() override {
     if (memory_ != nullptr) CVodeFree(&memory_);
   }
@@ -279,7 +279,7 @@ OdeIntegrator* genuMakeSundials(SundialsKind kind, OdeProblem& problem, const Od
     case SundialsKind::cvodeAdams:
       return new Cvode(problem, false, orderOr(12));
     case SundialsKind::arkodeDirk:
-      return new Arkode("arkode-dirk", problem, std::clamp(orderOr(3), 2, 5), settings.step_s);
+      return new Arkode("arkode-dirk", problem, orderOr(3), settings.step_s);
     case SundialsKind::implicitEuler:
       return new Arkode("implicit-euler", problem, 1, settings.step_s > 0 ? settings.step_s : kEulerStep_s);
   }

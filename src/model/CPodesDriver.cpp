@@ -18,7 +18,7 @@ using SimTK::Vector;
 class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
  public:
   CPodesDriver(OdeProblem& problem, int maxOrder)
-      : problem_(problem), maxOrder_(std::min(maxOrder, 5)), y_(problem.size()), yDot_(problem.size()) {}
+      : problem_(problem), maxOrder_(maxOrder), y_(problem.size()), yDot_(problem.size()) {}
 
   std::string name() const override { return "cpodes"; }
 

@@ -11,8 +11,9 @@ namespace {
 
 std::vector<OdeIntegratorKind>& kinds() {
   static std::vector<OdeIntegratorKind> all = {
-      {"cpodes", "BDF of order 1 and 2 with Newton iteration, Simbody's CPODES", makeCPodesDriver},
-      {"generalized-alpha", "fixed-step structural method of second order, with the contact stiffness", makeGeneralizedAlpha}};
+      {"cpodes", "BDF of order 1 to max_order (2) with Newton iteration, Simbody's CPODES", 1, 5, OdeIntegratorKind::Step::adaptive, makeCPodesDriver},
+      {"generalized-alpha", "fixed-step structural method of second order, with the contact stiffness", 0, 0, OdeIntegratorKind::Step::fixed,
+       makeGeneralizedAlpha}};
   return all;
 }
 
@@ -39,7 +40,15 @@ std::vector<std::string> integratorNames() {
 std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem, const OdeSettings& settings,
                                                  const std::string& where) {
   for (const OdeIntegratorKind& kind : kinds()) {
-    if (kind.name == name) return kind.make(problem, settings);
+    if (kind.name != name) continue;
+    if (settings.maxOrder != 0 && (settings.maxOrder < kind.lowestOrder || settings.maxOrder > kind.highestOrder)) {
+      const std::string allowed = kind.highestOrder == 0 ? "none: it has one order only" : std::to_string(kind.lowestOrder) + " to " + std::to_string(kind.highestOrder);
+      throw InputError(where + ": " + name + " with max_order " + std::to_string(settings.maxOrder) + "; allowed: " + allowed);
+    }
+    if (settings.step_s != 0 && kind.step == OdeIntegratorKind::Step::adaptive) {
+      throw InputError(where + ": " + name + " chooses its steps by `accuracy`; `step` is for integrators with a fixed step");
+    }
+    return kind.make(problem, settings);
   }
   throw InputError(where + ": " + io::describeUnknown("integrator", name, integratorNames()));
 }

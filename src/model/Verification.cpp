@@ -127,8 +127,6 @@ VerifySetting takeFrom(const scene::Scene& scene) {
   return setting;
 }
 
-bool hasFixedStep(const std::string& integrator) { return integrator == "generalized-alpha" || integrator == "implicit-euler"; }
-
 }  // namespace
 
 std::string VerifySetting::describe() const {
@@ -167,17 +165,18 @@ std::vector<VerifySetting> listVerifySettings(const scene::Scene& scene, const V
     for (const OdeIntegratorKind& kind : listOdeIntegrators()) {
       const bool slow = kind.name == "arkode-dirk" || kind.name == "cvode-adams" || kind.name == "implicit-euler";
       if (slow && !options.full) continue;
+      const bool fixedStep = kind.step == OdeIntegratorKind::Step::fixed;
       // In a cycle of one second; the motion of another one is as much slower.
       const double span = scene.gait->duration_s;
-      const std::vector<double> values = hasFixedStep(kind.name) ? (options.full ? std::vector<double>{0.5e-3, 1e-3, 2e-3, 4e-3, 5e-3, 10e-3}
+      const std::vector<double> values = fixedStep ? (options.full ? std::vector<double>{0.5e-3, 1e-3, 2e-3, 4e-3, 5e-3, 10e-3}
                                                                                  : std::vector<double>{1e-3, 2e-3, 5e-3})
                                                                  : (options.full ? std::vector<double>{1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6}
                                                                                  : std::vector<double>{3e-4, 1e-4, 1e-5});
       for (const double value : values) {
         add("integrator", [&](VerifySetting& s) {
           s.integrator = kind.name;
-          s.step_s = hasFixedStep(kind.name) ? value * span : 0;
-          s.accuracy = hasFixedStep(kind.name) ? 0 : value;
+          s.step_s = fixedStep ? value * span : 0;
+          s.accuracy = fixedStep ? 0 : value;
         });
       }
     }

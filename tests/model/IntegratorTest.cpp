@@ -172,6 +172,24 @@ TEST(GeneralizedAlpha, HalvesStepsThatAreAbsurd) {
   EXPECT_GT(integrator->statistics().errorTestFailures, 0);
 }
 
+// Settings that a method would ignore are refused.
+TEST(OdeIntegrators, RefuseSettingsTheyDoNotTake) {
+  Oscillators problem(1e-3);
+  const auto errorOf = [&](const char* name, const OdeSettings& settings) -> std::string {
+    try {
+      makeOdeIntegrator(name, problem, settings, "s.yaml:3: analysis.gait.integrator");
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "no InputError";
+  };
+  EXPECT_EQ(errorOf("cpodes", {6, 0}), "s.yaml:3: analysis.gait.integrator: cpodes with max_order 6; allowed: 1 to 5");
+  EXPECT_THAT(errorOf("cpodes", {0, 1e-3}), ::testing::HasSubstr("chooses its steps by `accuracy`"));
+  EXPECT_THAT(errorOf("generalized-alpha", {2, 1e-3}), ::testing::HasSubstr("allowed: none"));
+  EXPECT_EQ(errorOf("cpodes", {5, 0}), "no InputError");
+  EXPECT_EQ(errorOf("generalized-alpha", {0, 1e-3}), "no InputError");
+}
+
 TEST(GeneralizedAlpha, SaysWhatItNeeds) {
   class FirstOrder : public OdeProblem {
    public:

@@ -16,7 +16,6 @@ namespace {
 struct Starts {
   const char* scene;
   int count;
-  bool powerLaw;
 };
 
 class StaticStarts : public testing::TestWithParam<Starts> {};
@@ -52,8 +51,8 @@ TEST_P(StaticStarts, EndInTheSameEquilibrium) {
               GetParam().count);
 }
 INSTANTIATE_TEST_SUITE_P(Scenes, StaticStarts,
-                         testing::Values(Starts{"artificial_knee/static.yaml", 100, false}, Starts{"natural_knee/static.yaml", 50, false},
-                                         Starts{"natural_knee/static_large_strain.yaml", 50, false}));
+                         testing::Values(Starts{"artificial_knee/static.yaml", 100}, Starts{"natural_knee/static.yaml", 50},
+                                         Starts{"natural_knee/static_large_strain.yaml", 50}));
 
 }  // namespace
 }  // namespace genu::models_test

@@ -54,13 +54,17 @@ struct OdeSettings {
 
 /** An integrator by name: "cpodes" (BDF of order 1 and 2 with Newton iteration, Simbody's CPODES), "generalized-alpha", and those that
  were registered.
-    @throws InputError for an unknown name, listing the known ones; `where` is the key it came from */
+    @throws InputError for an unknown name, listing the known ones, or a setting that this integrator does not take; `where` is the key it
+    came from */
 std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem, const OdeSettings& settings,
                                                  const std::string& where);
 
 struct OdeIntegratorKind {
+  enum class Step { adaptive, either, fixed };  ///< fixed: always; either: where OdeSettings gives one
   std::string name;
-  std::string description;  ///< one line
+  std::string description;                      ///< one line
+  int lowestOrder = 0, highestOrder = 0;        ///< of OdeSettings::maxOrder; 0: it takes none
+  Step step = Step::adaptive;
   std::function<std::unique_ptr<OdeIntegrator>(OdeProblem&, const OdeSettings&)> make;
 };
 /** Adds a kind; one of the same name is replaced. */
