@@ -11,6 +11,7 @@
 #include "genu/io/Units.h"
 #include "genu/model/Analysis.h"
 #include "genu/model/KneeSystem.h"
+#include "genu/model/OdeIntegrator.h"
 #include "genu/model/UrdfModel.h"
 #include "genu/report/ContactReport.h"
 
@@ -251,6 +252,7 @@ void explainAnalyses(const Scene& scene) {
   const scene::StaticSpec s = scene.staticAnalysis.value_or(scene::StaticSpec{});
   const char* method = s.method == scene::StaticSpec::Method::newton          ? "Newton"
                        : s.method == scene::StaticSpec::Method::implicitEuler ? "implicit Euler with damping"
+                       : s.method == scene::StaticSpec::Method::kinsol        ? "KINSOL"
                                                                               : "Newton and implicit Euler, compared";
   fmt::print("\nAnalyses:\n  static{}: {}, at t = {:g} s\n", scene.staticAnalysis ? "" : " (defaults)", method,
              s.time_s);
@@ -362,11 +364,8 @@ int runCheckCommand(const fs::path& file, const CommonOptions& common) {
     if (scene.series) knee.checkTablesCover(0, scene.series->duration_s);
     if (scene.gait) {
       knee.checkTablesCover(0, scene.gait->duration_s);
-      const auto names = model::integratorNames();
-      if (std::find(names.begin(), names.end(), scene.gait->integrator) == names.end()) {
-        throw InputError(scene.where("analysis.gait.integrator") + ": " +
-                         io::describeUnknown("integrator", scene.gait->integrator, names));
-      }
+      const std::string where = scene.where("analysis.gait.integrator");
+      model::checkOdeSettings(model::findOdeIntegrator(scene.gait->integrator, where), {scene.gait->maxOrder, scene.gait->step_s}, where);
     }
   }
   meter.finish();

@@ -137,12 +137,28 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
   return trajectory.complete && !wasInterrupted() ? kOk : kInterrupted;
 }
 
-ordered_json toJson(const model::StaticResult& result) {
+ordered_json toJson(const scene::Scene& scene, const scene::Coordinates& q) {
+  const auto coordinates = scene.coordinates();
+  ordered_json json;
+  for (size_t i = 0; i < coordinates.size(); ++i) json[coordinates[i].name + (coordinates[i].isAngle ? "_rad" : "_m")] = q[i];
+  return json;
+}
+
+ordered_json toJson(const scene::Scene& scene, const model::StaticResult& result) {
   ordered_json json = {{"method", result.method},          {"status_text", result.statusText},
                        {"residual_N", result.residual_N},  {"max_acceleration_m_per_s2", result.maxAcceleration},
                        {"iterations", result.iterations},  {"contact_evaluations", result.contactEvaluations},
                        {"wall_time_s", result.wallTime_s}, {"constraint_force_N_or_Nm", result.constraintForce}};
   if (result.methodDifference_m) json["method_difference_m"] = *result.methodDifference_m;
+  if (!result.stiffness_NPerM.empty()) json["principal_stiffness_N_per_m"] = result.stiffness_NPerM;
+  if (result.search) {
+    ordered_json& search = json["search"];
+    search = {{"starts", result.search->starts}, {"converged", result.search->converged}, {"complete", result.search->complete}};
+    search["others"] = ordered_json::array();
+    for (const auto& other : result.search->others) {
+      search["others"].push_back({{"pose", toJson(scene, other.q)}, {"principal_stiffness_N_per_m", other.stiffness_NPerM}});
+    }
+  }
   return json;
 }
 
@@ -195,7 +211,7 @@ int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
     frame.elements = result.elements;
     trajectory.frames.push_back(std::move(frame));
   }
-  info.details["static"] = toJson(result);
+  info.details["static"] = toJson(scene, result);
   return finish(scene, trajectory, info, options, common);
 }
 
@@ -216,7 +232,7 @@ int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
     knee.contact().setTaskRunner(runner.get());
     result = model::runGait(knee, scene, meter.callback());
   }
-  if (result.settling) info.details["settling"] = toJson(*result.settling);
+  if (result.settling) info.details["settling"] = toJson(scene, *result.settling);
   return finish(scene, result, info, options, common);
 }
 

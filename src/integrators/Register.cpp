@@ -9,16 +9,23 @@ void registerSundials() {
     const char *name, *description;
     int lowestOrder, highestOrder;
     model::OdeIntegratorKind::Step step;
+    model::OdeIntegratorKind::Unknowns unknowns;
   };
   using Step = model::OdeIntegratorKind::Step;
+  using Unknowns = model::OdeIntegratorKind::Unknowns;
   static constexpr Entry kEntries[] = {
-      {SundialsKind::cvodeBdf, "cvode-bdf", "BDF of order 1 to max_order (2), SUNDIALS CVODE", 1, 5, Step::adaptive},
-      {SundialsKind::cvodeAdams, "cvode-adams", "Adams-Moulton with fixed-point iteration, for motion without stiffness, SUNDIALS CVODE", 1, 12, Step::adaptive},
-      {SundialsKind::arkodeDirk, "arkode-dirk", "implicit Runge-Kutta of order max_order (2 to 5, default 3), SUNDIALS ARKODE", 2, 5, Step::either},
-      {SundialsKind::implicitEuler, "implicit-euler", "backward Euler with a fixed step, SUNDIALS ARKODE", 0, 0, Step::fixed}};
+      {SundialsKind::cvodeBdf, "cvode-bdf", "BDF of order 1 to max_order (2), SUNDIALS CVODE", 1, 5, Step::adaptive, Unknowns::both},
+      {SundialsKind::cvodeAdams, "cvode-adams", "Adams-Moulton with fixed-point iteration, for motion without stiffness, SUNDIALS CVODE", 1, 12, Step::adaptive,
+       Unknowns::eliminated},
+      {SundialsKind::ida, "ida", "BDF of order 1 to max_order (2) on the constrained system with multipliers, SUNDIALS IDA", 1, 5, Step::adaptive,
+       Unknowns::constraints},
+      {SundialsKind::arkodeDirk, "arkode-dirk", "implicit Runge-Kutta of order max_order (2 to 5, default 3), SUNDIALS ARKODE", 2, 5, Step::either,
+       Unknowns::eliminated},
+      {SundialsKind::implicitEuler, "implicit-euler", "backward Euler with a fixed step, SUNDIALS ARKODE", 0, 0, Step::fixed, Unknowns::eliminated}};
   for (const Entry& entry : kEntries) {
     const SundialsKind kind = entry.kind;
-    model::registerOdeIntegrator({entry.name, entry.description, entry.lowestOrder, entry.highestOrder, entry.step, [kind](model::OdeProblem& problem, const model::OdeSettings& settings) {
+    model::registerOdeIntegrator({entry.name, entry.description, entry.lowestOrder, entry.highestOrder, entry.step, entry.unknowns,
+                                  [kind](model::OdeProblem& problem, const model::OdeSettings& settings) {
                                     return std::unique_ptr<model::OdeIntegrator>(genuMakeSundials(kind, problem, settings));
                                   }});
   }

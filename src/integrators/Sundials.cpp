@@ -2,6 +2,7 @@
 
 #include <arkode/arkode_arkstep.h>
 #include <cvode/cvode.h>
+#include <ida/ida.h>
 #include <nvector/nvector_serial.h>
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
@@ -49,8 +50,32 @@ class SundialsDriver : public OdeIntegrator {
     return false;
   }
 
+  int worstComponent() override {
+    if (!dense_ || getErrors(dense_.get()) != 0) return -1;
+    const auto& tolerances = problem_.absoluteTolerances();
+    const double* errors = N_VGetArrayPointer(dense_.get());
+    int worst = -1;
+    double largest = 0;
+    for (size_t i = 0; i < tolerances.size(); ++i) {
+      const double share = std::abs(errors[i]) / tolerances[i];
+      if (share > largest) largest = share, worst = static_cast<int>(i);
+    }
+    return worst;
+  }
+
+  bool continueTo(double stopTime) override {
+    stop_ = stopTime;
+    return setStop(stopTime);
+  }
+
   bool initialize(double t0, const std::vector<double>& y0, double stopTime) override {
     error_.clear();
+    evaluations_ = jacobians_ = taken_ = 0;
+    release();
+    if (context_.value != nullptr) {
+      y_.reset(), dense_.reset(), matrix_.reset(), solver_.reset(), iteration_.reset();
+      SUNContext_Free(&context_.value);
+    }
     if (SUNContext_Create(nullptr, &context_.value) != 0) return fail("no SUNDIALS context");
     const auto n = static_cast<sunindextype>(problem_.size());
     y_.reset(N_VNew_Serial(n, context_.value));
@@ -77,8 +102,14 @@ class SundialsDriver : public OdeIntegrator {
 
  protected:
   virtual bool setUp() = 0;
+  /** Frees the integrator's memory, if there is any. */
+  virtual void release() = 0;
   virtual int advance(double stop, N_Vector y, double* reached) = 0;
   virtual int getDense(double t, N_Vector y) = 0;
+  virtual bool setStop(double t) = 0;
+
+  /** The estimated error of each component of the last step in dense_. */
+  virtual int getErrors(N_Vector errors) = 0;
 
   bool fail(const std::string& what) {
     if (error_.empty()) error_ = what;
@@ -148,9 +179,7 @@ class Cvode : public SundialsDriver {
  public:
   Cvode(OdeProblem& problem, bool stiff, int maxOrder)
       : SundialsDriver(stiff ? "cvode-bdf" : "cvode-adams", problem), stiff_(stiff), maxOrder_(maxOrder) {}
-  ~Cvode() override {
-    if (memory_ != nullptr) CVodeFree(&memory_);
-  }
+  ~Cvode() override { release(); }
 
   Statistics statistics() override {
     Statistics s;
@@ -165,8 +194,12 @@ class Cvode : public SundialsDriver {
   }
 
  protected:
-  bool setUp() override {
+  void release() override {
     if (memory_ != nullptr) CVodeFree(&memory_);
+  }
+  int getErrors(N_Vector errors) override { return CVodeGetEstLocalErrors(memory_, errors); }
+  bool setStop(double t) override { return CVodeSetStopTime(memory_, t) == 0; }
+  bool setUp() override {
     memory_ = CVodeCreate(stiff_ ? CV_BDF : CV_ADAMS, context_.value);
     if (memory_ == nullptr) return fail("CVODE could not be made");
     bool ok = CVodeSetErrHandlerFn(memory_, message, this) == 0 && CVodeSetUserData(memory_, this) == 0 &&
@@ -182,6 +215,7 @@ class Cvode : public SundialsDriver {
       iteration_.reset(SUNNonlinSol_FixedPoint(y_.get(), 0, context_.value));
       ok = ok && CVodeSetNonlinearSolver(memory_, iteration_.get()) == 0;
     }
+    if (problem_.numConstraints() > 0) ok = ok && CVodeSetProjFn(memory_, project) == 0;
     return ok || fail("CVODE could not be set up");
   }
   int advance(double stop, N_Vector y, double* reached) override { return CVode(memory_, stop, y, reached, CV_ONE_STEP); }
@@ -191,8 +225,114 @@ class Cvode : public SundialsDriver {
   // CVODE passes the user data, as the others do.
   static int weightsOf(N_Vector y, N_Vector weight, void* self) { return weights(y, weight, self); }
 
+  static int project(double t, N_Vector y, N_Vector correction, double, N_Vector error, void* self) {
+    auto& driver = *static_cast<Cvode*>(self);
+    N_VScale(1, y, correction);
+    double* moved = N_VGetArrayPointer(correction);
+    const int flag = toFlag(driver.problem_.project(t, moved, error != nullptr ? N_VGetArrayPointer(error) : nullptr));
+    N_VLinearSum(1, correction, -1, y, correction);
+    return flag;
+  }
+
   bool stiff_;
   int maxOrder_;
+  void* memory_ = nullptr;
+};
+
+/** IDA on the constrained system with multipliers (OdeProblem::calcResidual), index 2: errors of the multipliers are left out of the error test. */
+class Ida : public SundialsDriver {
+ public:
+  Ida(OdeProblem& problem, int maxOrder)
+      : SundialsDriver("ida", problem), maxOrder_(maxOrder), differential_(problem.size()), all_(differential_ + 2 * problem.numConstraints()) {}
+  ~Ida() override { release(); }
+
+  Statistics statistics() override {
+    Statistics s;
+    if (memory_ == nullptr) return s;
+    IDAGetNumSteps(memory_, &s.stepsTaken);
+    IDAGetNumErrTestFails(memory_, &s.errorTestFailures);
+    IDAGetNumNonlinSolvConvFails(memory_, &s.convergenceFailures);
+    s.stepsAttempted = s.stepsTaken + s.errorTestFailures + s.convergenceFailures;
+    s.evaluations = evaluations_;
+    s.jacobians = jacobians_;
+    return s;
+  }
+
+ protected:
+  void release() override {
+    if (memory_ != nullptr) IDAFree(&memory_);
+    rate_.reset(), unknowns_.reset(), kinds_.reset();
+  }
+  int getErrors(N_Vector errors) override {
+    Vector all(N_VNew_Serial(all_, context_.value));
+    const int flag = IDAGetEstLocalErrors(memory_, all.get());
+    if (flag == 0) std::copy_n(N_VGetArrayPointer(all.get()), differential_, N_VGetArrayPointer(errors));
+    return flag;
+  }
+  bool setStop(double t) override { return IDASetStopTime(memory_, t) == 0; }
+
+  bool setUp() override {
+    memory_ = IDACreate(context_.value);
+    if (memory_ == nullptr) return fail("IDA could not be made");
+    for (Vector* v : {&rate_, &unknowns_, &kinds_}) v->reset(N_VNew_Serial(all_, context_.value));
+    double *unknowns = N_VGetArrayPointer(unknowns_.get()), *rate = N_VGetArrayPointer(rate_.get()), *kinds = N_VGetArrayPointer(kinds_.get());
+    std::copy_n(N_VGetArrayPointer(y_.get()), differential_, unknowns);
+    std::fill_n(rate, all_, 0.0);
+    ++evaluations_;
+    const auto start = problem_.calcMultipliers(time_, unknowns, rate, unknowns + differential_);
+    if (start != OdeProblem::Evaluation::ok) return fail("the start is not a valid state");
+    for (int i = 0; i < all_; ++i) kinds[i] = i < differential_ ? 1 : 0;
+    matrix_.reset(SUNDenseMatrix(all_, all_, context_.value));
+    solver_.reset(SUNLinSol_Dense(unknowns_.get(), matrix_.get(), context_.value));
+    bool ok = IDASetErrHandlerFn(memory_, message, this) == 0 && IDASetUserData(memory_, this) == 0 &&
+              IDAInit(memory_, residual, time_, unknowns_.get(), rate_.get()) == 0 && IDAWFtolerances(memory_, weightsOfAll) == 0 &&
+              IDASetMaxOrd(memory_, maxOrder_) == 0 && IDASetStopTime(memory_, stop_) == 0 && IDASetMaxNumSteps(memory_, kMostSteps) == 0 &&
+              IDASetMinStep(memory_, kSmallestStep * span_) == 0 && IDASetId(memory_, kinds_.get()) == 0 && IDASetSuppressAlg(memory_, 1) == 0 &&
+              IDASetLinearSolver(memory_, solver_.get(), matrix_.get()) == 0;
+    if (firstStep_ > 0) ok = ok && IDASetInitStep(memory_, firstStep_) == 0;
+    if (problem_.hasJacobian()) ok = ok && IDASetJacFn(memory_, residualJacobian) == 0;
+    return ok || fail("IDA could not be set up");
+  }
+  int advance(double stop, N_Vector, double* reached) override {
+    return IDASolve(memory_, stop, reached, unknowns_.get(), rate_.get(), IDA_ONE_STEP);
+  }
+  int getDense(double t, N_Vector y) override {
+    Vector all(N_VNew_Serial(all_, context_.value));
+    const int flag = IDAGetDky(memory_, t, 0, all.get());
+    if (flag == 0) std::copy_n(N_VGetArrayPointer(all.get()), differential_, N_VGetArrayPointer(y));
+    return flag;
+  }
+
+ private:
+  static int residual(double t, N_Vector y, N_Vector rate, N_Vector r, void* self) {
+    auto& driver = *static_cast<Ida*>(self);
+    ++driver.evaluations_;
+    const double* unknowns = N_VGetArrayPointer(y);
+    return toFlag(driver.problem_.calcResidual(t, unknowns, N_VGetArrayPointer(rate), unknowns + driver.differential_, N_VGetArrayPointer(r)));
+  }
+  static int residualJacobian(double t, double c, N_Vector y, N_Vector rate, N_Vector, SUNMatrix matrix, void* self, N_Vector, N_Vector, N_Vector) {
+    auto& driver = *static_cast<Ida*>(self);
+    ++driver.jacobians_;
+    const double* unknowns = N_VGetArrayPointer(y);
+    return toFlag(driver.problem_.calcResidualJacobian(t, unknowns, N_VGetArrayPointer(rate), unknowns + driver.differential_, c,
+                                                       SUNDenseMatrix_Data(matrix)));
+  }
+  /** Newton's iteration also weighs the multipliers: lambda by the force of a contact of kStiffness_NPerM moved by the tolerance of the first coordinate, mu by the
+   tolerance of its rate. */
+  static int weightsOfAll(N_Vector, N_Vector weight, void* self) {
+    constexpr double kStiffness_NPerM = 5e7;
+    auto& driver = *static_cast<Ida*>(self);
+    const auto& tolerances = driver.problem_.absoluteTolerances();
+    const auto n = static_cast<size_t>(driver.differential_), m = (static_cast<size_t>(driver.all_) - n) / 2;
+    const auto first = static_cast<size_t>(driver.problem_.numCoordinates());
+    double* w = N_VGetArrayPointer(weight);
+    for (size_t i = 0; i < n; ++i) w[i] = 1 / tolerances[i];
+    for (size_t i = 0; i < m; ++i) w[n + i] = 1 / (kStiffness_NPerM * tolerances[0]), w[n + m + i] = 1 / tolerances[first];
+    return 0;
+  }
+
+  int maxOrder_, differential_, all_;
+  Vector rate_, unknowns_, kinds_;
   void* memory_ = nullptr;
 };
 
@@ -201,9 +341,7 @@ class Arkode : public SundialsDriver {
   /** step_s > 0: fixed. */
   Arkode(std::string name, OdeProblem& problem, int order, double step_s)
       : SundialsDriver(std::move(name), problem), order_(order), step_s_(step_s) {}
-  ~Arkode() override {
-    if (memory_ != nullptr) ARKStepFree(&memory_);
-  }
+  ~Arkode() override { release(); }
 
   Statistics statistics() override {
     Statistics s;
@@ -212,14 +350,19 @@ class Arkode : public SundialsDriver {
     ARKStepGetNumStepAttempts(memory_, &s.stepsAttempted);
     ARKStepGetNumErrTestFails(memory_, &s.errorTestFailures);
     ARKStepGetNumNonlinSolvConvFails(memory_, &s.convergenceFailures);
+    s.convergenceFailures += halvings_;
     s.evaluations = evaluations_;
     s.jacobians = jacobians_;
     return s;
   }
 
  protected:
-  bool setUp() override {
+  void release() override {
     if (memory_ != nullptr) ARKStepFree(&memory_);
+  }
+  int getErrors(N_Vector errors) override { return step_s_ > 0 ? -1 : ARKStepGetEstLocalErrors(memory_, errors); }
+  bool setStop(double t) override { return ARKStepSetStopTime(memory_, t) == 0; }
+  bool setUp() override {
     memory_ = ARKStepCreate(nullptr, rightSide, time_, y_.get(), context_.value);
     if (memory_ == nullptr) return fail("ARKODE could not be made");
     makeLinearSolver();
@@ -234,16 +377,44 @@ class Arkode : public SundialsDriver {
     } else {
       ok = ok && ARKStepSetTableNum(memory_, tableOf(order_), ARKODE_ERK_NONE) == 0;
     }
+    // Newton starts from the step before continued: from its last value, ARKODE's standard, a stage begins in another state of contact and most steps are repeated
+    // (1.1 s for the artificial gait in place of 0.2). A Jacobian costs little more than an evaluation: one per stage.
+    ok = ok && ARKStepSetPredictorMethod(memory_, 1) == 0 && ARKStepSetDeduceImplicitRhs(memory_, 1) == 0 &&
+         ARKStepSetLSetupFrequency(memory_, 1) == 0 && ARKStepSetJacEvalFrequency(memory_, 1) == 0 && ARKStepSetNonlinConvCoef(memory_, 0.3) == 0;
     // With a fixed step Newton has to get there by itself.
-    ok = ok && ARKStepSetMaxNonlinIters(memory_, step_s_ > 0 ? 30 : 4) == 0;
+    ok = ok && ARKStepSetMaxNonlinIters(memory_, step_s_ > 0 ? 10 : 4) == 0;
     if (step_s_ > 0) {
-      ok = ok && ARKStepSetNonlinRDiv(memory_, 1e3) == 0 && ARKStepSetFixedStep(memory_, span_ / std::ceil(span_ / step_s_ - 1e-9)) == 0;
+      ok = ok && ARKStepSetFixedStep(memory_, fixedStep()) == 0;
     } else {
       ok = ok && ARKStepSetMinStep(memory_, kSmallestStep * span_) == 0 && ARKStepSetInitStep(memory_, firstStep_) == 0;
     }
     return ok || fail("ARKODE could not be set up");
   }
-  int advance(double stop, N_Vector y, double* reached) override { return ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP); }
+  int advance(double stop, N_Vector y, double* reached) override {
+    if (step_s_ <= 0) return ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP);
+    // A fixed step that does not converge is halved; the step grows back where it is a multiple again.
+    const double whole = fixedStep();
+    if (depth_ > 0) {
+      for (++part_; depth_ > 0 && part_ % 2 == 0; --depth_) part_ /= 2;
+      if (depth_ == 0) part_ = 0;
+      ARKStepSetFixedStep(memory_, std::ldexp(whole, -depth_));
+    }
+    N_VScale(1, y, dense_.get());
+    const double from = *reached;
+    int flag = ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP);
+    for (; flag < 0 && depth_ < kMostHalvings; flag = ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP)) {
+      ++depth_;
+      part_ *= 2;
+      ++halvings_;
+      error_.clear();
+      N_VScale(1, dense_.get(), y);
+      if (ARKStepReset(memory_, from, y) != 0 || ARKStepSetFixedStep(memory_, std::ldexp(whole, -depth_)) != 0 ||
+          ARKStepSetStopTime(memory_, stop) != 0) {
+        break;
+      }
+    }
+    return flag;
+  }
   int getDense(double t, N_Vector y) override { return ARKStepGetDky(memory_, t, 0, y); }
 
  private:
@@ -263,8 +434,13 @@ class Arkode : public SundialsDriver {
     }
   }
 
+  double fixedStep() const { return span_ / std::ceil(span_ / step_s_ - 1e-9); }
+
+  static constexpr int kMostHalvings = 12;
   int order_;
   double step_s_;
+  int depth_ = 0;
+  long part_ = 0, halvings_ = 0;  // part_: where in the whole step, in parts of the present length
   void* memory_ = nullptr;
 };
 
@@ -278,6 +454,8 @@ OdeIntegrator* genuMakeSundials(SundialsKind kind, OdeProblem& problem, const Od
       return new Cvode(problem, true, orderOr(2));
     case SundialsKind::cvodeAdams:
       return new Cvode(problem, false, orderOr(12));
+    case SundialsKind::ida:
+      return new Ida(problem, orderOr(2));
     case SundialsKind::arkodeDirk:
       return new Arkode("arkode-dirk", problem, orderOr(3), settings.step_s);
     case SundialsKind::implicitEuler:

@@ -74,7 +74,7 @@ struct DimensionInfo {
   const char* example;
 };
 
-constexpr std::array<DimensionInfo, 19> kDimensions = {{
+constexpr std::array<DimensionInfo, 20> kDimensions = {{
     {Dimension::dimensionless, "number", kNone, "none (a bare number), %", "0.46"},
     {Dimension::length, "length", kLength, "mm, cm, m, um", "8 mm"},
     {Dimension::angle, "angle", kAngle, "deg, rad", "30 deg"},
@@ -84,6 +84,7 @@ constexpr std::array<DimensionInfo, 19> kDimensions = {{
     {Dimension::moment, "moment", kEnergy, "N m, N mm, kN m", "2 N m"},
     {Dimension::pressure, "pressure", kPressure, "MPa, kPa, Pa, GPa, N/mm^2", "463 MPa"},
     {Dimension::speed, "speed", {1, 0, -1, 0}, "m/s, mm/s", "10 mm/s"},
+    {Dimension::angularSpeed, "angular speed", {0, 0, -1, 1}, "deg/s, rad/s", "1 deg/s"},
     {Dimension::acceleration, "acceleration", {1, 0, -2, 0}, "m/s^2, mm/s^2", "9.81 m/s^2"},
     {Dimension::damping, "damping", {0, 1, -1, 0}, "N s/m, N s/mm, kg/s", "1 N s/mm"},
     {Dimension::angularDamping, "rotational damping", {2, 1, -1, -1}, "N m s/rad, N m s/deg, N m s", "0.1 N m s/rad"},

@@ -25,6 +25,7 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
   bool initialize(double t0, const std::vector<double>& y0, double stopTime) override {
     cpodes_ = std::make_unique<CPodes>(CPodes::ExplicitODE, CPodes::BDF, CPodes::Newton);
     error_.clear();
+    evaluations_ = 0;
     time_ = t0;
     for (int i = 0; i < y_.size(); ++i) y_[i] = y0[static_cast<size_t>(i)];
     if (explicitODE(t0, y_, yDot_) != CPodes::Success) {
@@ -34,6 +35,10 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
     if (cpodes_->init(*this, t0, y_, yDot_, CPodes::WeightFunction, 0, nullptr) != CPodes::Success) {
       error_ = "CPODES could not be initialized: " + message_;
       return false;
+    }
+    if (problem_.numConstraints() > 0) {
+      cpodes_->projDefine();
+      cpodes_->setProjUpdateErrEst(true);
     }
     cpodes_->setErrHandlerFn();
     cpodes_->setEwtFn();
@@ -57,6 +62,14 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
   }
 
   double time() const override { return time_; }
+
+  bool continueTo(double stopTime) override { return cpodes_->setStopTime(stopTime) == CPodes::Success; }
+
+  int worstComponent() override {
+    Vector errors(y_.size());
+    if (cpodes_->getEstLocalErrors(errors) != CPodes::Success) return -1;
+    return findWorst(&errors[0], problem_.absoluteTolerances());
+  }
 
   bool interpolate(double t, std::vector<double>& y) override {
     Vector dense(y_.size());
@@ -94,6 +107,15 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
       default:
         return CPodes::UnrecoverableError;
     }
+  }
+
+  int project(SimTK::Real t, const Vector& y, Vector& correction, SimTK::Real, Vector& error) const override {
+    ++evaluations_;
+    correction = y;
+    const bool withError = error.size() == y.size();
+    if (problem_.project(t, &correction[0], withError ? &error[0] : nullptr) != OdeProblem::Evaluation::ok) return CPodes::RecoverableError;
+    correction -= y;
+    return CPodes::Success;
   }
 
   int weight(const Vector& y, Vector& weights) const override {

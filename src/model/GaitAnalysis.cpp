@@ -31,60 +31,156 @@ void checkSettings(const scene::Scene& scene, const scene::GaitSpec& gait) {
   check(gait.accuracy, "accuracy", "");
 }
 
-void integrate(KneeOde& ode, OdeIntegrator& integrator, const std::vector<double>& y0, const scene::GaitSpec& gait,
-               const scene::Progress& progress, GaitResult& result) {
-  const std::vector<double> times = makeOutputTimes(gait.duration_s, gait.outputInterval_s);
-  const auto fail = [&](double t) {
-    result.failed = true;
-    result.statusText = "failed at " + atTime(t) + ": " +
-                        (ode.failure().empty() ? integrator.errorText() : ode.failure()) + ode.advice();
-  };
-  const auto addFrame = [&](double t, double outputTime, const std::vector<double>& y) {
+/** Where an integrator has to stop: inputs have a kink or a jump there, or the run ends. */
+struct Stop {
+  double time_s;
+  bool jump;
+};
+
+std::vector<Stop> listStops(const KneeSystem& knee, double end_s) {
+  std::vector<Stop> stops;
+  for (const KneeSystem::InputBreak& entry : knee.listInputBreaks()) {
+    if (entry.time_s > 1e-12 * end_s && entry.time_s < end_s * (1 - 1e-12)) stops.push_back({entry.time_s, entry.jump});
+  }
+  stops.push_back({end_s, false});
+  return stops;
+}
+
+bool isFinite(const std::vector<double>& values) {
+  return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
+}
+
+class Run {
+ public:
+  Run(const KneeSystem& knee, KneeOde& ode, OdeIntegrator& integrator, const scene::GaitSpec& gait, const scene::Progress& progress,
+      GaitResult& result)
+      : ode_(ode), integrator_(integrator), gait_(gait), progress_(progress), result_(result),
+        times_(makeOutputTimes(gait.duration_s, gait.outputInterval_s)), stops_(listStops(knee, times_.back())) {}
+
+  void integrate(const std::vector<double>& y0) {
+    if (ode_.size() == 0) {  // all coordinates prescribed: nothing to integrate
+      for (double t : times_) {
+        if (!mayContinue(t) || !addFrame(t, t, y0)) return;
+      }
+    } else if (!advance(y0)) {
+      return;
+    }
+    result_.complete = true;
+    result_.statusText = "complete";
+  }
+
+  const OdeIntegrator::Statistics& statistics() const { return counts_; }
+
+ private:
+  bool advance(const std::vector<double>& y0) {
+    size_t stop = 0;
+    std::vector<double> y = y0;
+    ode_.stopAt(stops_[0].time_s);
+    if (!integrator_.initialize(0, y, stops_[0].time_s)) return fail(0);
+    const auto close = [this](bool ok) {
+      count();
+      return ok;
+    };
+    if (!addFrame(0, 0, y)) return close(false);
+    long steps = 0;
+    const auto start = std::chrono::steady_clock::now();
+    for (size_t next = 1; next < times_.size();) {
+      if (!mayContinue(integrator_.time())) return close(false);
+      if (++steps > gait_.maxSteps) return close(endEarly("more than " + std::to_string(gait_.maxSteps) + " steps", "max_steps"));
+      if (std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() > gait_.maxWallTime_s) {
+        std::ostringstream text;
+        text << "more than " << gait_.maxWallTime_s << " s of wall time";
+        return close(endEarly(text.str(), "max_wall_time"));
+      }
+      if (!integrator_.step()) return close(fail(integrator_.time()));
+      const double reached = integrator_.time();
+      for (; next < times_.size() && times_[next] <= reached * (1 + 1e-14); ++next) {
+        const double t = std::min(times_[next], reached);
+        if (!integrator_.interpolate(t, y)) return close(fail(t));
+        if (!addFrame(t, times_[next], y)) return close(false);
+      }
+      if (reached < stops_[stop].time_s * (1 - 1e-14) || stop + 1 == stops_.size()) continue;
+      const bool jump = stops_[stop].jump;
+      const double begin = stops_[stop++].time_s;
+      ode_.stopAt(stops_[stop].time_s);
+      if (!jump && integrator_.continueTo(stops_[stop].time_s)) continue;
+      if (!integrator_.interpolate(reached, y)) return close(fail(reached));
+      count();
+      if (!integrator_.initialize(begin, y, stops_[stop].time_s)) return fail(begin);
+    }
+    return close(true);
+  }
+
+  /** Adds what the integrator has done since it was initialized. */
+  void count() {
+    const OdeIntegrator::Statistics more = integrator_.statistics();
+    counts_.stepsTaken += more.stepsTaken;
+    counts_.stepsAttempted += more.stepsAttempted;
+    counts_.errorTestFailures += more.errorTestFailures;
+    counts_.convergenceFailures += more.convergenceFailures;
+    counts_.evaluations += more.evaluations;
+    counts_.jacobians += more.jacobians;
+  }
+
+  bool fail(double t) {
+    result_.failed = true;
+    result_.statusText = "failed at " + atTime(t) + ": " + (ode_.failure().empty() ? integrator_.errorText() : ode_.failure());
+    const int worst = ode_.failure().empty() ? integrator_.worstComponent() : -1;
+    if (worst >= 0) result_.statusText += " (limited by the " + ode_.describeComponent(worst) + ")";
+    result_.statusText += ode_.advice();
+    return false;
+  }
+
+  bool endEarly(const std::string& what, const char* key) {
+    result_.failed = true;
+    result_.statusText = "stopped at " + atTime(integrator_.time()) + ": " + what + "; raise analysis.gait." + key +
+                         " if the run is worth it, or try another integrator, accuracy or some damping";
+    return false;
+  }
+
+  bool addFrame(double t, double outputTime, const std::vector<double>& y) {
     scene::Frame frame;
-    if (!ode.makeFrame(t, y, frame)) {
-      fail(t);
+    if (!ode_.makeFrame(t, y, frame)) return fail(t);
+    if (!isFinite(y) || !isFinite(frame.qddot) || !isFinite(frame.elements) || !isFinite(frame.constraintForce)) {
+      result_.failed = true;
+      result_.statusText = "failed at " + atTime(t) + ": a coordinate, acceleration or output is not finite" + ode_.advice();
       return false;
     }
     frame.time_s = outputTime;
-    result.frames.push_back(std::move(frame));
+    result_.frames.push_back(std::move(frame));
     return true;
-  };
-  const auto mayContinue = [&](double t) {
-    if (!progress || progress(t / times.back())) return true;
-    result.statusText = "interrupted at " + atTime(t);
-    return false;
-  };
-
-  if (ode.size() == 0) {  // all coordinates prescribed: nothing to integrate
-    for (double t : times) {
-      if (!mayContinue(t) || !addFrame(t, t, y0)) return;
-    }
-  } else {
-    if (!integrator.initialize(0, y0, times.back())) {
-      fail(0);
-      return;
-    }
-    if (!addFrame(0, 0, y0)) return;
-    std::vector<double> y;
-    for (size_t next = 1; next < times.size();) {
-      if (!mayContinue(integrator.time())) return;
-      if (!integrator.step()) {
-        fail(integrator.time());
-        return;
-      }
-      const double reached = integrator.time();
-      for (; next < times.size() && times[next] <= reached * (1 + 1e-14); ++next) {
-        const double t = std::min(times[next], reached);
-        if (!integrator.interpolate(t, y)) {
-          fail(t);
-          return;
-        }
-        if (!addFrame(t, times[next], y)) return;
-      }
-    }
   }
-  result.complete = true;
-  result.statusText = "complete";
+
+  bool mayContinue(double t) {
+    if (!progress_ || progress_(t / times_.back())) return true;
+    result_.statusText = "interrupted at " + atTime(t);
+    return false;
+  }
+
+  KneeOde& ode_;
+  OdeIntegrator& integrator_;
+  const scene::GaitSpec& gait_;
+  const scene::Progress& progress_;
+  GaitResult& result_;
+  std::vector<double> times_;
+  std::vector<Stop> stops_;
+  OdeIntegrator::Statistics counts_;
+};
+
+/** Whether prescribed coordinates are unknowns with constraints. */
+bool choosesConstraints(const OdeIntegratorKind& kind, const scene::GaitSpec& gait, const std::string& where) {
+  using Unknowns = OdeIntegratorKind::Unknowns;
+  using Prescribed = scene::GaitSpec::Prescribed;
+  if (kind.unknowns == Unknowns::constraints) {
+    if (gait.prescribed == Prescribed::eliminated) {
+      throw InputError(where + ": " + kind.name + " works with constraints; remove `prescribed: eliminated`");
+    }
+    return true;
+  }
+  if (gait.prescribed == Prescribed::constraints && kind.unknowns == Unknowns::eliminated) {
+    throw InputError(where + ": " + kind.name + " cannot keep constraints; remove `prescribed: constraints`");
+  }
+  return gait.prescribed == Prescribed::constraints;  // automatic: eliminated was faster in every scene measured (docs/integrators.md)
 }
 
 }  // namespace
@@ -108,9 +204,11 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   SimTK::State state = knee.system().realizeTopology();
   knee.system().realizeModel(state);
 
-  KneeOde ode(knee, state, gait.accuracy);
-  const std::unique_ptr<OdeIntegrator> integrator =
-      makeOdeIntegrator(gait.integrator, ode, {gait.maxOrder, gait.step_s}, scene.where("analysis.gait.integrator"));
+  const std::string where = scene.where("analysis.gait.integrator");
+  const OdeIntegratorKind& kind = findOdeIntegrator(gait.integrator, where);
+  const bool constraints = choosesConstraints(kind, gait, where);
+  KneeOde ode(knee, state, OdeTolerances::of(gait), constraints ? KneeOde::Prescribed::constraints : KneeOde::Prescribed::eliminated);
+  const std::unique_ptr<OdeIntegrator> integrator = makeOdeIntegrator(gait.integrator, ode, {gait.maxOrder, gait.step_s}, where);
 
   GaitResult result;
   result.elementColumns = knee.listElementColumns();
@@ -150,11 +248,14 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
     }
   }
 
-  integrate(ode, *integrator, ode.start(q, qdot), gait, progress, result);
-  const OdeIntegrator::Statistics counts = ode.size() > 0 ? integrator->statistics() : OdeIntegrator::Statistics{};
+  Run run(knee, ode, *integrator, gait, progress, result);
+  run.integrate(ode.start(q, qdot));
+  const OdeIntegrator::Statistics& counts = run.statistics();
   const ArticularContactSubsystem::Counters& work = ode.counters();
   scene::IntegratorStatistics& out = result.statistics;
   out.name = integrator->name();
+  out.prescribed = constraints ? "constraints" : "eliminated";
+  out.jacobians = counts.jacobians;
   out.stepsTaken = counts.stepsTaken;
   out.stepsAttempted = counts.stepsAttempted;
   out.errorTestFailures = counts.errorTestFailures;

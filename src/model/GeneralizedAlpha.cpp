@@ -38,8 +38,7 @@ class GeneralizedAlpha : public OdeIntegrator {
       return false;
     }
     time_ = previousTime_ = start_ = t0;
-    steps_ = std::max(1L, static_cast<long>(std::ceil((stopTime - t0) / wanted_ - 1e-9)));
-    h_ = (stopTime - t0) / static_cast<double>(steps_);
+    divide(stopTime);
     y_ = Eigen::Map<const VectorXd>(y0.data(), size_);
     rate_.resize(size_);
     if (!evaluate(t0, y_, rate_)) {
@@ -50,7 +49,9 @@ class GeneralizedAlpha : public OdeIntegrator {
     a_ << rate_.segment(n_, n_), rate_.tail(size_ - 2 * n_);
     yPrevious_ = y_;
     ratePrevious_ = rate_;
-    taken_ = 0;
+    taken_ = accepted_ = 0;
+    counts_ = {};
+    slopeStep_ = 0;
     haveMatrix_ = false;
     return true;
   }
@@ -75,15 +76,19 @@ class GeneralizedAlpha : public OdeIntegrator {
   }
 
   double time() const override { return time_; }
+  int worstComponent() override { return worst_; }
+
+  bool continueTo(double stopTime) override {
+    start_ = time_;
+    divide(stopTime);
+    taken_ = 0;
+    return true;
+  }
 
   bool interpolate(double t, std::vector<double>& y) override {
-    // Cubic Hermite from values and rates at both ends: of the order of the method and one more.
-    const double length = time_ - previousTime_;
-    const double s = length > 0 ? (t - previousTime_) / length : 1.0;
-    const double s2 = s * s, s3 = s2 * s;
-    const VectorXd value = (2 * s3 - 3 * s2 + 1) * yPrevious_ + (s3 - 2 * s2 + s) * length * ratePrevious_ + (3 * s2 - 2 * s3) * y_ +
-                           (s3 - s2) * length * rate_;
-    y.assign(value.data(), value.data() + value.size());
+    // Of the order of the method and one more.
+    const auto list = [](const VectorXd& v) { return std::vector<double>(v.data(), v.data() + v.size()); };
+    interpolateCubic(t, previousTime_, list(yPrevious_), list(ratePrevious_), time_, list(y_), list(rate_), y);
     return true;
   }
 
@@ -100,6 +105,12 @@ class GeneralizedAlpha : public OdeIntegrator {
   static constexpr double kAm = (2 * kRho - 1) / (kRho + 1), kAf = kRho / (kRho + 1), kGamma = 0.5 - kAm + kAf,
                           kBeta = 0.25 * (1 - kAm + kAf) * (1 - kAm + kAf), kBm = (3 - kRho) / (2 * (1 + kRho)), kBf = 1 / (1 + kRho),
                           kG = 0.5 + kBm - kBf;
+
+  /** Equal steps from start_ to the stop time. */
+  void divide(double stopTime) {
+    steps_ = std::max(1L, static_cast<long>(std::ceil((stopTime - start_) / wanted_ - 1e-9)));
+    h_ = (stopTime - start_) / static_cast<double>(steps_);
+  }
 
   bool evaluate(double t, const VectorXd& y, VectorXd& rate) {
     ++counts_.evaluations;
@@ -166,12 +177,14 @@ class GeneralizedAlpha : public OdeIntegrator {
       if (!change.allFinite()) return false;
       w += change;
       // What the change moves, over what is allowed.
-      double size = 0;
+      moved_.resize(static_cast<size_t>(size_));
       for (int k = 0; k < n_; ++k) {
-        size = std::max(size, h * h * kBeta * std::abs(change[k]) / tolerance[static_cast<size_t>(k)]);
-        size = std::max(size, h * kGamma * std::abs(change[k]) / tolerance[static_cast<size_t>(n_ + k)]);
+        moved_[static_cast<size_t>(k)] = h * h * kBeta * change[k];
+        moved_[static_cast<size_t>(n_ + k)] = h * kGamma * change[k];
       }
-      for (int k = 0; k < m; ++k) size = std::max(size, h * kG * std::abs(change[n_ + k]) / tolerance[static_cast<size_t>(2 * n_ + k)]);
+      for (int k = 0; k < m; ++k) moved_[static_cast<size_t>(2 * n_ + k)] = h * kG * change[n_ + k];
+      worst_ = findWorst(moved_.data(), tolerance);
+      const double size = worst_ < 0 ? 0 : std::abs(moved_[static_cast<size_t>(worst_)]) / tolerance[static_cast<size_t>(worst_)];
       const double contraction = iteration > 0 && last > 0 ? size / last : 0.3;
       // What the next iteration would still change.
       if (size * contraction / std::max(1e-3, 1 - std::min(contraction, 0.999)) < kNewton && contraction < 1) {
@@ -179,7 +192,8 @@ class GeneralizedAlpha : public OdeIntegrator {
         // Error of the step [Zienkiewicz & Xie, Earthq Eng Struct Dyn 20 (1991) 871]: h^2 (1/6 - beta) (a1 - a0).
         double error = 0;
         for (int k = 0; k < n_; ++k) {
-          error = std::max(error, h * h * std::abs((1.0 / 6 - kBeta) * (w[k] - a0[k])) / tolerance[static_cast<size_t>(k)]);
+          const double share = h * h * std::abs((1.0 / 6 - kBeta) * (w[k] - a0[k])) / tolerance[static_cast<size_t>(k)];
+          if (share > error) error = share, worst_ = k;
         }
         if (error > kMostError) {
           ++counts_.errorTestFailures;
@@ -232,6 +246,8 @@ class GeneralizedAlpha : public OdeIntegrator {
   int n_ = 0, size_ = 0;
   long steps_ = 0, taken_ = 0, accepted_ = 0;
   bool haveMatrix_ = false;
+  int worst_ = -1;
+  std::vector<double> moved_;
   VectorXd y_, rate_, a_, yPrevious_, ratePrevious_, slope_;
   double slopeStep_ = 0;
   MatrixXd jacobian_;

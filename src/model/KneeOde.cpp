@@ -7,32 +7,55 @@ namespace genu::model {
 
 using contact::EvaluationStatus;
 
-KneeOde::KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, double accuracy, bool eliminated)
-    : knee_(knee), state_(defaultState), linear_(defaultState), eliminated_(eliminated) {
-  std::vector<double> units;
+OdeTolerances OdeTolerances::of(double accuracy) {
+  const double length = 1e-3 * accuracy, speed = 10 * accuracy;
+  return {length, length / kAngleLength_m, speed, speed / kAngleLength_m, accuracy};
+}
+
+OdeTolerances OdeTolerances::of(const scene::GaitSpec& gait) {
+  OdeTolerances all = of(gait.accuracy);
+  all.translation_m = gait.tolerances.translation_m.value_or(all.translation_m);
+  all.angle_rad = gait.tolerances.angle_rad.value_or(all.angle_rad);
+  all.speed_mPerS = gait.tolerances.speed_mPerS.value_or(all.speed_mPerS);
+  all.angularSpeed_radPerS = gait.tolerances.angularSpeed_radPerS.value_or(all.angularSpeed_radPerS);
+  return all;
+}
+
+KneeOde::KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, const OdeTolerances& tolerances, Prescribed prescribed)
+    : knee_(knee), state_(defaultState), linear_(defaultState), prescribed_(prescribed), eliminated_(prescribed == Prescribed::eliminated) {
+  std::vector<bool> isAngle;
   for (int i = 0; i < knee.numCoordinates(); ++i) {
-    if (knee.isPrescribed(i)) continue;
-    free_.push_back(i);
+    if (prescribed == Prescribed::eliminated && knee.isPrescribed(i)) continue;
+    unknown_.push_back(i);
     index_.push_back(knee.stateIndex(i));
-    units.push_back(knee.coordinates()[static_cast<size_t>(i)].isAngle ? 1 / kAngleLength_m : 1.0);
+    isAngle.push_back(knee.coordinates()[static_cast<size_t>(i)].isAngle);
   }
   // Differences for the Jacobian: 10 nm and 0.1 um/s at the surfaces, above rounding and far below any radius; inertia forces are quadratic in
   // the rates.
   for (const double step : {1e-8, 1e-7}) {
-    for (const double unit : units) steps_.push_back(step * unit);
+    for (const bool angle : isAngle) steps_.push_back(angle ? step / kAngleLength_m : step);
   }
-  for (const double scale : {1e-3, 10.0}) {
-    for (const double unit : units) tolerances_.push_back(accuracy * scale * unit);
-  }
+  for (const bool angle : isAngle) tolerances_.push_back(angle ? tolerances.angle_rad : tolerances.translation_m);
+  for (const bool angle : isAngle) tolerances_.push_back(angle ? tolerances.angularSpeed_radPerS : tolerances.speed_mPerS);
   for (const auto& element : knee.elements()) {
     for (const ForceElement::OwnState& own : element->states(state_)) {
       own_.push_back(own.index);
-      tolerances_.push_back(accuracy * own.unit);
+      ownNames_.push_back(element->definition().key());
+      tolerances_.push_back(tolerances.share * own.unit);
       steps_.push_back(1e-7);
     }
   }
   // States of elements get their rates from Simbody at Stage::Acceleration, where the constraints are solved too.
   if (!own_.empty()) eliminated_ = false;
+  if (prescribed == Prescribed::constraints) {
+    knee.system().realize(state_, SimTK::Stage::Instance);
+    constraints_ = state_.getNQErr();
+    if (state_.getNUErr() != constraints_ || state_.getNMultipliers() != constraints_) {
+      throw std::logic_error("constraints other than on coordinates cannot be integrated yet");
+    }
+    lambda_.resize(constraints_);
+    mu_.resize(constraints_);
+  }
   udot_.resize(knee.matter().getNumMobilities());
   const auto n = static_cast<Eigen::Index>(index_.size());
   massFree_.resize(n, n);
@@ -40,7 +63,12 @@ KneeOde::KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, doubl
 }
 
 void KneeOde::setState(SimTK::State& state, double t, const double* y) const {
-  knee_.prescribe(state, t, false);
+  const double time = t < end_ ? t : std::nextafter(end_, -SimTK::Infinity);
+  if (prescribed_ == Prescribed::eliminated) {
+    knee_.prescribe(state, time, false);
+  } else {
+    state.setTime(time);
+  }
   const size_t n = index_.size();
   SimTK::Vector& q = state.updQ();
   for (size_t k = 0; k < n; ++k) q[index_[k]] = y[k];
@@ -49,6 +77,149 @@ void KneeOde::setState(SimTK::State& state, double t, const double* y) const {
   if (own_.empty()) return;
   SimTK::Vector& z = state.updZ();
   for (size_t k = 0; k < own_.size(); ++k) z[own_[k]] = y[2 * n + k];
+}
+
+const SimTK::State& KneeOde::setState(double t, const double* y) {
+  setState(state_, t, y);
+  knee_.system().realize(state_, SimTK::Stage::Time);
+  return state_;
+}
+
+void KneeOde::readState(const SimTK::State& state, double* y) const {
+  const size_t n = index_.size();
+  for (size_t k = 0; k < n; ++k) y[k] = state.getQ()[index_[k]];
+  for (size_t k = 0; k < n; ++k) y[n + k] = state.getU()[index_[k]];
+  for (size_t k = 0; k < own_.size(); ++k) y[2 * n + k] = state.getZ()[own_[k]];
+}
+
+std::string KneeOde::describeComponent(int component) const {
+  const auto k = static_cast<size_t>(component);
+  const size_t n = index_.size();
+  if (k >= 2 * n) return "the state of " + ownNames_[k - 2 * n];
+  const std::string& name = knee_.coordinates()[static_cast<size_t>(unknown_[k % n])].name;
+  return k < n ? "coordinate " + name : "rate of coordinate " + name;
+}
+
+OdeProblem::Evaluation KneeOde::project(double t, double* y, double* error) noexcept {
+  try {
+    setState(state_, t, y);
+    const size_t n = index_.size();
+    SimTK::Vector qError, uError;
+    if (error != nullptr) {
+      qError.resize(state_.getNQ());
+      uError.resize(state_.getNU());
+      qError = 0.0;
+      uError = 0.0;
+      for (size_t k = 0; k < n; ++k) qError[index_[k]] = error[k], uError[index_[k]] = error[n + k];
+    }
+    // Far below the tolerances of a step, far above rounding.
+    SimTK::ProjectOptions options(1e-13);
+    options.setOption(SimTK::ProjectOptions::ForceProjection);
+    SimTK::ProjectResults results;
+    knee_.system().realize(state_, SimTK::Stage::Position);
+    knee_.system().projectQ(state_, qError, options, results);
+    knee_.system().realize(state_, SimTK::Stage::Velocity);
+    knee_.system().projectU(state_, uError, options, results);
+    readState(state_, y);
+    if (error != nullptr) {
+      for (size_t k = 0; k < n; ++k) error[k] = qError[index_[k]], error[n + k] = uError[index_[k]];
+    }
+    return Evaluation::ok;
+  } catch (const std::exception& problem) {
+    failure_ = problem.what();
+    return Evaluation::retry;
+  }
+}
+
+void KneeOde::calcResidual(SimTK::State& state, const double* y, const double* ydot, const double* multipliers, double* residual) {
+  const SimTK::MultibodySystem& system = knee_.system();
+  const size_t n = index_.size(), m = static_cast<size_t>(constraints_), z = own_.size();
+  system.realize(state, own_.empty() ? SimTK::Stage::Dynamics : SimTK::Stage::Acceleration);
+  for (size_t k = 0; k < n; ++k) udot_[index_[k]] = ydot[n + k];
+  for (size_t k = 0; k < m; ++k) {
+    lambda_[static_cast<int>(k)] = multipliers[k];
+    mu_[static_cast<int>(k)] = multipliers[m + k];
+  }
+  knee_.matter().calcResidualForce(state, system.getMobilityForces(state, SimTK::Stage::Dynamics),
+                                   system.getRigidBodyForces(state, SimTK::Stage::Dynamics), udot_, lambda_, residual_);
+  knee_.matter().multiplyByGTranspose(state, mu_, GTransposeMu_);
+  for (size_t k = 0; k < n; ++k) residual[k] = ydot[k] - y[n + k] - GTransposeMu_[index_[k]];
+  for (size_t k = 0; k < n; ++k) residual[n + k] = residual_[index_[k]];
+  for (size_t k = 0; k < z; ++k) residual[2 * n + k] = ydot[2 * n + k] - state.getZDot()[own_[k]];
+  double* constraints = residual + 2 * n + z;
+  for (size_t k = 0; k < m; ++k) constraints[k] = state.getQErr()[static_cast<int>(k)];
+  for (size_t k = 0; k < m; ++k) constraints[m + k] = state.getUErr()[static_cast<int>(k)];
+}
+
+OdeProblem::Evaluation KneeOde::calcResidual(double t, const double* y, const double* ydot, const double* multipliers, double* residual) noexcept {
+  try {
+    setState(state_, t, y);
+    knee_.system().realize(state_, SimTK::Stage::Velocity);
+    if (!checkStatus()) return Evaluation::retry;
+    calcResidual(state_, y, ydot, multipliers, residual);
+    for (size_t i = 0; i < tolerances_.size() + 2 * static_cast<size_t>(constraints_); ++i) {
+      if (std::isfinite(residual[i])) continue;
+      failure_ = "a force or the rate of an element's state is not finite";
+      return Evaluation::retry;
+    }
+    touched_ = touched_ || hasContact();
+    failure_.clear();
+    return Evaluation::ok;
+  } catch (const std::exception& error) {
+    failure_ = error.what();
+    return Evaluation::retry;
+  }
+}
+
+OdeProblem::Evaluation KneeOde::calcResidualJacobian(double t, const double* y, const double* ydot, const double* multipliers, double c,
+                                                     double* jacobian) noexcept {
+  try {
+    setState(state_, t, y);
+    knee_.system().realize(state_, SimTK::Stage::Velocity);
+    if (!checkStatus()) return Evaluation::retry;
+    knee_.contact().useLinearization(linear_, knee_.contact().linearize(state_));
+    const size_t n = tolerances_.size(), m = 2 * static_cast<size_t>(constraints_), all = n + m;
+    yShifted_.assign(y, y + n);
+    ydotShifted_.assign(ydot, ydot + n);
+    std::vector<double> shifted(multipliers, multipliers + m);
+    rates_.resize(all);
+    ratesShifted_.resize(all);
+    setState(linear_, t, y);
+    calcResidual(linear_, y, ydot, multipliers, rates_.data());
+    for (size_t j = 0; j < all; ++j) {
+      double step = 1;  // the residual is linear in the multipliers
+      if (j < n) {
+        yShifted_[j] = y[j] + steps_[j];
+        step = yShifted_[j] - y[j];
+        ydotShifted_[j] = ydot[j] + c * step;
+      } else {
+        shifted[j - n] += 1;
+      }
+      setState(linear_, t, yShifted_.data());
+      calcResidual(linear_, yShifted_.data(), ydotShifted_.data(), shifted.data(), ratesShifted_.data());
+      for (size_t i = 0; i < all; ++i) jacobian[j * all + i] = (ratesShifted_[i] - rates_[i]) / step;
+      if (j < n) {
+        yShifted_[j] = y[j];
+        ydotShifted_[j] = ydot[j];
+      } else {
+        shifted[j - n] = multipliers[j - n];
+      }
+    }
+    return Evaluation::ok;
+  } catch (const std::exception& error) {
+    failure_ = error.what();
+    return Evaluation::retry;
+  }
+}
+
+OdeProblem::Evaluation KneeOde::calcMultipliers(double t, const double* y, double* ydot, double* multipliers) noexcept {
+  const Evaluation evaluation = evaluate(t, y, ydot);
+  if (evaluation != Evaluation::ok) return evaluation;
+  for (int k = 0; k < constraints_; ++k) {
+    multipliers[k] = state_.getMultipliers()[k];
+    multipliers[constraints_ + k] = 0;
+  }
+  return Evaluation::ok;
 }
 
 bool KneeOde::calcRates(SimTK::State& state, double t, const double* y, double* ydot) {
@@ -128,22 +299,33 @@ OdeProblem::Evaluation KneeOde::calcJacobian(double t, const double* y, double* 
 }
 
 std::vector<double> KneeOde::start(const scene::Coordinates& q, const scene::Coordinates& qdot) {
-  std::vector<double> y;
-  for (int i : free_) y.push_back(q[static_cast<size_t>(i)]);
-  for (int i : free_) y.push_back(qdot[static_cast<size_t>(i)]);
-  if (own_.empty()) return y;
   SimTK::State settled = state_;
-  knee_.prescribe(settled, 0, true);
-  settled.updU() = 0.0;
-  for (size_t k = 0; k < index_.size(); ++k) settled.updQ()[index_[k]] = y[k];
-  knee_.settleElements(settled);
-  for (const int index : own_) y.push_back(settled.getZ()[index]);
+  knee_.prescribe(settled, 0, false);
+  for (size_t k = 0; k < index_.size(); ++k) {
+    if (knee_.isPrescribed(unknown_[k])) continue;  // from its curve
+    settled.updQ()[index_[k]] = q[static_cast<size_t>(unknown_[k])];
+    settled.updU()[index_[k]] = qdot[static_cast<size_t>(unknown_[k])];
+  }
+  std::vector<double> y(tolerances_.size());
+  if (!own_.empty()) {
+    const SimTK::Vector u = settled.getU();
+    settled.updU() = 0.0;
+    knee_.settleElements(settled);
+    settled.updU() = u;
+  }
+  readState(settled, y.data());
   return y;
 }
 
 bool KneeOde::makeFrame(double t, const std::vector<double>& y, scene::Frame& frame) {
   try {
-    setState(state_, t, y.data());
+    if (constraints_ > 0) {  // between steps an interpolated state is off the constraints
+      std::vector<double> projected = y;
+      if (project(t, projected.data(), nullptr) != Evaluation::ok) return false;
+      setState(state_, t, projected.data());
+    } else {
+      setState(state_, t, y.data());
+    }
     const SimTK::MultibodySystem& system = knee_.system();
     system.realize(state_, SimTK::Stage::Position);
     for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
@@ -159,10 +341,14 @@ bool KneeOde::makeFrame(double t, const std::vector<double>& y, scene::Frame& fr
     frame.time_s = t;
     frame.elements = knee_.calcElementOutputs(state_);
     touched_ = touched_ || hasContact();
-    // What inverse dynamics without the constraints asks for is what the constraints supply.
     SimTK::Vector force;
-    knee_.matter().calcResidualForceIgnoringConstraints(state_, system.getMobilityForces(state_, SimTK::Stage::Dynamics),
-                                                        system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), state_.getUDot(), force);
+    if (constraints_ > 0) {
+      knee_.matter().multiplyByGTranspose(state_, state_.getMultipliers(), force);
+      force *= -1.0;
+    } else {  // what inverse dynamics without the constraints asks for is what they would supply
+      knee_.matter().calcResidualForceIgnoringConstraints(state_, system.getMobilityForces(state_, SimTK::Stage::Dynamics),
+                                                          system.getRigidBodyForces(state_, SimTK::Stage::Dynamics), state_.getUDot(), force);
+    }
     for (int i = 0; i < knee_.numCoordinates(); ++i) {
       const int k = knee_.stateIndex(i);
       frame.q.push_back(state_.getQ()[k]);
@@ -186,14 +372,14 @@ std::string KneeOde::advice() const {
   return "; check loads, mass and prescribed motion, or try another accuracy";
 }
 
-bool KneeOde::checkStatus() {
-  const EvaluationStatus status = knee_.contact().getStatus(state_);
+bool KneeOde::checkStatus(const SimTK::State& state) {
+  const EvaluationStatus status = knee_.contact().getStatus(state);
   if (status > EvaluationStatus::extrapolated) {
     fullPenetration_ = status == EvaluationStatus::fullPenetration;
     failure_ = fullPenetration_ ? "full penetration" : "a closest-point query did not converge";
     return false;
   }
-  const std::string problem = knee_.findElementProblem(state_);
+  const std::string problem = knee_.findElementProblem(state);
   elementProblem_ = !problem.empty();
   if (!elementProblem_) return true;
   failure_ = problem;

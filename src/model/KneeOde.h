@@ -9,18 +9,28 @@
 
 namespace genu::model {
 
-/** A KneeSystem as an initial value problem: y = (q, u) of the free coordinates, then the states of force elements. Prescribed coordinates
- are set from their curves, where the constraints hold exactly and nothing needs to be projected.
+/** Absolute tolerances of a step. */
+struct OdeTolerances {
+  double translation_m, angle_rad, speed_mPerS, angularSpeed_radPerS;
+  double share;  ///< of OwnState::unit, of elements' states
+  /** 1 mm and 10 m/s times accuracy, angles at kAngleLength_m. */
+  static OdeTolerances of(double accuracy);
+  static OdeTolerances of(const scene::GaitSpec& gait);
+};
 
- Accelerations: M_ff u'_f = f_f - bias_f - M_fp u'_p with u'_p of the curves (`eliminated`), or Simbody's with multipliers of the
- constraints. Both are the same equations.
+/** A KneeSystem as an initial value problem: y = (q, u), then the states of force elements.
+
+ Prescribed coordinates `eliminated`: q are the free coordinates; the others are set from their curves, where the constraints hold exactly and
+ nothing needs to be projected. Accelerations: M_ff u'_f = f_f - bias_f - M_fp u'_p with u'_p of the curves; scenes with states of elements
+ need Simbody's, with multipliers of the constraints. Both are the same equations.
+ `constraints`: q are all coordinates, and numConstraints() that of Simbody's constraints.
 
  Jacobian: differences of the multibody system, in which contact is linear: one evaluation of contact with its exact stiffness and damping, and
  2n of the rest. Error: about 1e-6 of the largest entry of a column. */
 class KneeOde : public OdeProblem {
  public:
-  /** Absolute tolerances at accuracy 1: 1 mm and 10 m/s at the surfaces (angles: over kAngleLength_m), OwnState::unit of elements' states. */
-  KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, double accuracy, bool eliminated = true);
+  enum class Prescribed { eliminated, constraints };
+  KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, const OdeTolerances& tolerances, Prescribed prescribed);
 
   int size() const override { return static_cast<int>(tolerances_.size()); }
   int numCoordinates() const override { return static_cast<int>(index_.size()); }
@@ -28,6 +38,26 @@ class KneeOde : public OdeProblem {
   Evaluation evaluate(double t, const double* y, double* ydot) noexcept override;
   bool hasJacobian() const override { return knee_.contact().canLinearize(); }
   Evaluation calcJacobian(double t, const double* y, double* jacobian) noexcept override;
+  std::string describeComponent(int component) const override;
+  int numConstraints() const override { return constraints_; }
+  Evaluation project(double t, double* y, double* error) noexcept override;
+  Evaluation calcResidual(double t, const double* y, const double* ydot, const double* multipliers, double* residual) noexcept override;
+  Evaluation calcResidualJacobian(double t, const double* y, const double* ydot, const double* multipliers, double c,
+                                  double* jacobian) noexcept override;
+  Evaluation calcMultipliers(double t, const double* y, double* ydot, double* multipliers) noexcept override;
+
+  /** The input after `end` is not seen: what jumps there belongs to the next part. */
+  void stopAt(double end) { end_ = end; }
+
+  const KneeSystem& knee() const { return knee_; }
+  /** The place in the State's u of unknown k. */
+  int stateIndexOf(int k) const { return index_[static_cast<size_t>(k)]; }
+  /** The State with y in it, realized to Stage::Time. */
+  const SimTK::State& setState(double t, const double* y);
+  /** y of a State. */
+  void readState(const SimTK::State& state, double* y) const;
+  /** Whether contact and elements are valid at a State; failure() then says why not. */
+  bool checkStatus(const SimTK::State& state);
 
   /** The state that begins a run: coordinates and rates, and force elements settled there. */
   std::vector<double> start(const scene::Coordinates& q, const scene::Coordinates& qdot);
@@ -44,20 +74,25 @@ class KneeOde : public OdeProblem {
   void setState(SimTK::State& state, double t, const double* y) const;
   /** y' at a State set by setState(). @return false: not finite */
   bool calcRates(SimTK::State& state, double t, const double* y, double* ydot);
-  bool checkStatus();
+  void calcResidual(SimTK::State& state, const double* y, const double* ydot, const double* multipliers, double* residual);
+  bool checkStatus() { return checkStatus(state_); }
   bool hasContact() const;
 
   const KneeSystem& knee_;
   SimTK::State state_, linear_;    // linear_: contact is linear, for the Jacobian
-  bool eliminated_;
-  std::vector<int> free_, index_;  // coordinates, and their places in the State's q and u
+  Prescribed prescribed_;
+  bool eliminated_;                // accelerations without multipliers
+  int constraints_ = 0;
+  double end_ = SimTK::Infinity;
+  std::vector<int> unknown_, index_;  // coordinates, and their places in the State's q and u
   std::vector<int> own_;
+  std::vector<std::string> ownNames_;
   std::vector<double> tolerances_, steps_;
-  SimTK::Vector udot_, residual_;
+  SimTK::Vector udot_, residual_, lambda_, mu_, GTransposeMu_;
   SimTK::Matrix mass_;
   Eigen::MatrixXd massFree_;
   Eigen::VectorXd forceFree_;
-  std::vector<double> yShifted_, rates_, ratesShifted_;
+  std::vector<double> yShifted_, ydotShifted_, rates_, ratesShifted_;
   std::string failure_;
   bool touched_ = false, fullPenetration_ = false, elementProblem_ = false;
 };

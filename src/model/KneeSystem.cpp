@@ -179,6 +179,10 @@ void KneeSystem::addCoordinates() {
     const scene::CoordinateSpec& spec = scene_.model->coordinates[k];
     if (const auto* motion = std::get_if<scene::PrescribedCoordinate>(&spec)) {
       prescribed_[k] = addCurve(motion->motion, "prescribed coordinate '" + name + "'");
+      if (prescribed_[k]->interpolation() != scene::Interpolation::spline) {
+        throw InputError(file + ": prescribed coordinate '" + name + "' (" + prescribed_[k]->source() +
+                         "): interpolation linear or step; allowed: spline, because its acceleration is needed");
+      }
       constraints_[k] = SimTK::Constraint::PrescribedMotion(matter_, new MotionFunction(prescribed_[k]), body.getMobilizedBodyIndex(),
                                                             SimTK::MobilizerQIndex(axisOfCoordinate(i)));
       continue;
@@ -332,6 +336,16 @@ std::shared_ptr<const TimeCurve> KneeSystem::addCurve(const scene::TimeFunction&
 
 void KneeSystem::checkTablesCover(double t0_s, double t1_s) const {
   for (const NamedCurve& entry : curves_) entry.curve->checkCovers(t0_s, t1_s, scene_.file.string() + ": " + entry.use);
+}
+
+std::vector<KneeSystem::InputBreak> KneeSystem::listInputBreaks() const {
+  std::map<double, bool> breaks;
+  for (const NamedCurve& entry : curves_) {
+    for (const double t : entry.curve->listBreaks()) breaks[t] |= entry.curve->interpolation() == scene::Interpolation::step;
+  }
+  std::vector<InputBreak> list;
+  for (const auto& [t, jump] : breaks) list.push_back({t, jump});
+  return list;
 }
 
 std::vector<std::string> KneeSystem::listTables() const {

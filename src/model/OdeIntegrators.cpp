@@ -1,6 +1,7 @@
 #include "OdeIntegrators.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "genu/io/Suggest.h"
 #include "genu/model/Analysis.h"
@@ -9,11 +10,17 @@ namespace genu::model {
 
 namespace {
 
+using Step = OdeIntegratorKind::Step;
+using Unknowns = OdeIntegratorKind::Unknowns;
+
 std::vector<OdeIntegratorKind>& kinds() {
   static std::vector<OdeIntegratorKind> all = {
-      {"cpodes", "BDF of order 1 to max_order (2) with Newton iteration, Simbody's CPODES", 1, 5, OdeIntegratorKind::Step::adaptive, makeCPodesDriver},
-      {"generalized-alpha", "fixed-step structural method of second order, with the contact stiffness", 0, 0, OdeIntegratorKind::Step::fixed,
-       makeGeneralizedAlpha}};
+      {"cpodes", "BDF of order 1 to max_order (2) with Newton iteration, Simbody's CPODES", 1, 5, Step::adaptive, Unknowns::both, makeCPodesDriver},
+      {"generalized-alpha", "fixed-step structural method of second order, with the contact stiffness", 0, 0, Step::fixed, Unknowns::eliminated,
+       makeGeneralizedAlpha},
+      {"runge-kutta-merson", "explicit, order 4 with error control, Simbody's", 0, 0, Step::adaptive, Unknowns::constraints, makeRungeKuttaMerson},
+      {"semi-explicit-euler", "semi-explicit, order 1, step doubling with error control, Simbody's SemiExplicitEuler2", 0, 0, Step::adaptive,
+       Unknowns::constraints, makeSemiExplicitEuler}};
   return all;
 }
 
@@ -37,20 +44,50 @@ std::vector<std::string> integratorNames() {
   return names;
 }
 
-std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem, const OdeSettings& settings,
-                                                 const std::string& where) {
+int findWorst(const double* errors, const std::vector<double>& tolerances) {
+  int worst = -1;
+  double largest = 0;
+  for (size_t i = 0; i < tolerances.size(); ++i) {
+    const double share = std::abs(errors[i]) / tolerances[i];
+    if (share > largest) largest = share, worst = static_cast<int>(i);
+  }
+  return worst;
+}
+
+void interpolateCubic(double t, double t0, const std::vector<double>& y0, const std::vector<double>& rate0, double t1,
+                      const std::vector<double>& y1, const std::vector<double>& rate1, std::vector<double>& y) {
+  const double length = t1 - t0, s = length > 0 ? (t - t0) / length : 1.0, s2 = s * s, s3 = s2 * s;
+  y.resize(y1.size());
+  for (size_t i = 0; i < y.size(); ++i) {
+    y[i] = (2 * s3 - 3 * s2 + 1) * y0[i] + (s3 - 2 * s2 + s) * length * rate0[i] + (3 * s2 - 2 * s3) * y1[i] + (s3 - s2) * length * rate1[i];
+  }
+}
+
+const OdeIntegratorKind& findOdeIntegrator(const std::string& name, const std::string& where) {
   for (const OdeIntegratorKind& kind : kinds()) {
-    if (kind.name != name) continue;
-    if (settings.maxOrder != 0 && (settings.maxOrder < kind.lowestOrder || settings.maxOrder > kind.highestOrder)) {
-      const std::string allowed = kind.highestOrder == 0 ? "none: it has one order only" : std::to_string(kind.lowestOrder) + " to " + std::to_string(kind.highestOrder);
-      throw InputError(where + ": " + name + " with max_order " + std::to_string(settings.maxOrder) + "; allowed: " + allowed);
-    }
-    if (settings.step_s != 0 && kind.step == OdeIntegratorKind::Step::adaptive) {
-      throw InputError(where + ": " + name + " chooses its steps by `accuracy`; `step` is for integrators with a fixed step");
-    }
-    return kind.make(problem, settings);
+    if (kind.name == name) return kind;
   }
   throw InputError(where + ": " + io::describeUnknown("integrator", name, integratorNames()));
+}
+
+void checkOdeSettings(const OdeIntegratorKind& kind, const OdeSettings& settings, const std::string& where) {
+  if (settings.maxOrder != 0 && (settings.maxOrder < kind.lowestOrder || settings.maxOrder > kind.highestOrder)) {
+    const std::string allowed = kind.highestOrder == 0 ? "none: it has one order only" : std::to_string(kind.lowestOrder) + " to " + std::to_string(kind.highestOrder);
+    throw InputError(where + ": " + kind.name + " with max_order " + std::to_string(settings.maxOrder) + "; allowed: " + allowed);
+  }
+  if (settings.step_s != 0 && kind.step == OdeIntegratorKind::Step::adaptive) {
+    throw InputError(where + ": " + kind.name + " chooses its steps by `accuracy`; `step` is for integrators with a fixed step");
+  }
+}
+
+std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem, const OdeSettings& settings,
+                                                 const std::string& where) {
+  const OdeIntegratorKind& kind = findOdeIntegrator(name, where);
+  checkOdeSettings(kind, settings, where);
+  if (problem.numConstraints() > 0 && kind.unknowns == OdeIntegratorKind::Unknowns::eliminated) {
+    throw InputError(where + ": " + name + " cannot keep constraints; it needs prescribed coordinates eliminated (prescribed: eliminated)");
+  }
+  return kind.make(problem, settings);
 }
 
 }  // namespace genu::model

@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <ctime>
@@ -9,6 +10,7 @@
 #include <sstream>
 
 #include "Conversions.h"
+#include "genu/model/EquilibriumSolver.h"
 
 namespace genu::model {
 
@@ -81,6 +83,9 @@ class Settling {
   Extent findExtent(const VectorXd& z, const Lowering& lowering);
 
   Outcome iterateNewton(VectorXd& z, VectorXd& r);
+  Outcome solveElsewhere(const EquilibriumSolver& solver, VectorXd& z, VectorXd& r);
+  void searchOthers(const VectorXd& z, StaticResult& result);
+  VectorXd calcStiffnesses(const VectorXd& z);
   Outcome integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcceleration);
   bool solveImplicitStep(const VectorXd& z0, const VectorXd& v0, double h, double damping, VectorXd& z1, VectorXd& v1,
                          int& iterations, bool& sawFullPenetration);
@@ -302,6 +307,98 @@ Outcome Settling::iterateNewton(VectorXd& z, VectorXd& r) {
   }
 }
 
+/** A method that was registered, on the same forces and stiffness. */
+Outcome Settling::solveElsewhere(const EquilibriumSolver& solver, VectorXd& z, VectorXd& r) {
+  class Problem : public EquilibriumProblem {
+   public:
+    Problem(Settling& settling, Outcome& outcome) : settling_(settling), outcome_(outcome) {}
+    int size() const override { return settling_.dynamics_.numFree(); }
+    bool calcForce(const double* z, double* r) noexcept override {
+      try {
+        VectorXd force;
+        const EvaluationStatus status = settling_.dynamics_.calcStaticForce(Eigen::Map<const VectorXd>(z, size()), force);
+        outcome_.sawFullPenetration |= status == EvaluationStatus::fullPenetration;
+        if (!ReducedDynamics::isValid(status)) return false;
+        outcome_.touched |= settling_.dynamics_.hasContact();
+        Eigen::Map<VectorXd>(r, size()) = force;
+        return force.allFinite();
+      } catch (const std::exception&) {
+        return false;
+      }
+    }
+    bool calcStiffness(const double* z, const double* r, double* stiffness) noexcept override {
+      try {
+        MatrixXd K;
+        VectorXd force = Eigen::Map<const VectorXd>(r, size());
+        if (!settling_.dynamics_.calcStiffness(Eigen::Map<const VectorXd>(z, size()), force, K)) return false;
+        Eigen::Map<MatrixXd>(stiffness, size(), size()) = K;
+        return K.allFinite();
+      } catch (const std::exception&) {
+        return false;
+      }
+    }
+    bool mayContinue() noexcept override {
+      outcome_.interrupted = outcome_.interrupted || !settling_.mayContinue(0.5);
+      return !outcome_.interrupted;
+    }
+    double maxResidual_N() const override { return settling_.settings_.maxResidual_N; }
+    double maxMove_m() const override { return kMaxMove_m; }
+
+   private:
+    Settling& settling_;
+    Outcome& outcome_;
+  };
+  Outcome outcome;
+  Problem problem(*this, outcome);
+  const EquilibriumOutcome end = solver(problem, z.data());
+  outcome.converged = end.converged && ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r)) && infinityNorm(r) <= settings_.maxResidual_N;
+  outcome.iterations = end.iterations;
+  outcome.reason = end.converged && !outcome.converged ? "it ended where the forces do not balance" : end.reason;
+  return outcome;
+}
+
+/** Stiffnesses along the principal directions of the free coordinates, lowest first; empty: there is no stiffness at z. */
+VectorXd Settling::calcStiffnesses(const VectorXd& z) {
+  MatrixXd K;
+  VectorXd r;
+  if (dynamics_.numFree() == 0 || !ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r)) || !dynamics_.calcStiffness(z, r, K)) return {};
+  return Eigen::SelfAdjointEigenSolver<MatrixXd>(0.5 * (K + K.transpose())).eigenvalues();
+}
+
+/** Newton from starts spread evenly (Halton's sequence) around z; each equilibrium once. */
+void Settling::searchOthers(const VectorXd& z, StaticResult& result) {
+  constexpr std::array<int, 12> kPrimes = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
+  std::vector<VectorXd> known = {z};
+  StaticResult::Search& found = result.search.emplace();
+  for (int i = 1; i <= settings_.search->starts; ++i) {
+    if (!mayContinue(static_cast<double>(i) / settings_.search->starts)) {
+      found.complete = false;
+      return;
+    }
+    VectorXd candidate = z, r;
+    for (int k = 0; k < z.size(); ++k) {
+      double part = 0, share = 1;
+      for (int rest = i, base = kPrimes[static_cast<size_t>(k) % kPrimes.size()]; rest > 0; rest /= base) {
+        share /= base;
+        part += share * (rest % base);
+      }
+      const bool isAngle = dynamics_.knee().coordinates()[static_cast<size_t>(dynamics_.freeCoordinates()[static_cast<size_t>(k)])].isAngle;
+      candidate[k] += (2 * part - 1) * (isAngle ? kAngleLength_m * settings_.search->angle_rad : settings_.search->translation_m);
+    }
+    ++found.starts;
+    const Outcome outcome = iterateNewton(candidate, r);
+    if (!outcome.converged) continue;
+    ++found.converged;
+    if (std::any_of(known.begin(), known.end(), [&](const VectorXd& other) { return infinityNorm(other - candidate) < 10 * kMethodAgreement_m; })) continue;
+    known.push_back(candidate);
+    StaticResult::Equilibrium other;
+    const VectorXd stiffness = calcStiffnesses(candidate);
+    other.q = dynamics_.coordinates(candidate);
+    other.stiffness_NPerM.assign(stiffness.data(), stiffness.data() + stiffness.size());
+    found.others.push_back(std::move(other));
+  }
+}
+
 /** Solves the step for z1: f(z1, v1) - M (v1 - v0)/h - bias - c v1 = 0 with v1 = (z1 - z0)/h, by Newton with a
  finite-difference Jacobian. */
 bool Settling::solveImplicitStep(const VectorXd& z0, const VectorXd& v0, double h, double damping, VectorXd& z1,
@@ -442,11 +539,16 @@ StaticResult Settling::run() {
     outcome = integrateImplicitEuler(z, r, settings_.maxAcceleration_mPerS2);
     result.iterations = outcome.iterations;
   } else {
-    result.method = "newton";
-    outcome = iterateNewton(z, r);
+    const bool elsewhere = settings_.method == Method::kinsol;
+    const EquilibriumSolver* solver = elsewhere ? findEquilibriumSolver("kinsol") : nullptr;
+    if (elsewhere && solver == nullptr) {
+      throw InputError(scene_.where("analysis.static.method") + ": kinsol is not part of this program (built without SUNDIALS); allowed: newton, implicit-euler, both");
+    }
+    result.method = elsewhere ? "kinsol" : "newton";
+    outcome = elsewhere ? solveElsewhere(*solver, z, r) : iterateNewton(z, r);
     result.iterations = outcome.iterations;
     if (!outcome.converged && !outcome.interrupted) {
-      result.method = "newton after implicit Euler";
+      result.method = elsewhere ? "newton after implicit Euler (kinsol: " + outcome.reason + ")" : "newton after implicit Euler";
       z = start;
       Outcome coarse = integrateImplicitEuler(z, r, std::max(100 * settings_.maxAcceleration_mPerS2, 0.1));
       result.iterations += coarse.iterations;
@@ -504,13 +606,15 @@ StaticResult Settling::run() {
   if (outcome.converged) {
     result.status = StaticResult::Status::converged;
     result.statusText = hasPairs && !touching ? "converged without contact" : "converged";
-    MatrixXd K;
-    if (dynamics_.numFree() > 0 && dynamics_.calcStaticForce(z, r) <= EvaluationStatus::extrapolated &&
-        dynamics_.calcStiffness(z, r, K)) {
-      const VectorXd stiffness = Eigen::SelfAdjointEigenSolver<MatrixXd>(0.5 * (K + K.transpose())).eigenvalues();
-      if (stiffness.minCoeff() < -1e-6 * stiffness.cwiseAbs().maxCoeff()) {
-        result.statusText += " to an unstable equilibrium: the least disturbance makes the body leave it";
-      }
+    const VectorXd stiffness = calcStiffnesses(z);
+    result.stiffness_NPerM.assign(stiffness.data(), stiffness.data() + stiffness.size());
+    if (stiffness.size() > 0 && stiffness.minCoeff() < -1e-6 * stiffness.cwiseAbs().maxCoeff()) {
+      result.statusText += " to an unstable equilibrium: the least disturbance makes the body leave it";
+    }
+    if (settings_.search) {
+      searchOthers(z, result);
+      const size_t others = result.search->others.size();
+      if (others > 0) result.statusText += "; " + std::to_string(others) + (others == 1 ? " other equilibrium" : " other equilibria") + " found";
     }
     for (const contact::ContactResult& contact : result.contacts) {
       if (contact.status == EvaluationStatus::extrapolated) {

@@ -84,14 +84,40 @@ TimeCurve::TimeCurve(const scene::TimeFunction& function) {
   }
   time_ = series.time_s;
   value_ = series.value;
-  second_ = solveSecondDerivatives(time_, value_);
+  interpolation_ = series.interpolation;
+  if (interpolation_ == scene::Interpolation::spline) second_ = solveSecondDerivatives(time_, value_);
+}
+
+std::vector<double> TimeCurve::listBreaks() const {
+  std::vector<double> breaks;
+  if (interpolation_ == scene::Interpolation::spline) return breaks;
+  const bool jumps = interpolation_ == scene::Interpolation::step;
+  for (size_t i = 1; i + 1 < time_.size() || (jumps && i < time_.size()); ++i) {
+    const double before = value_[i] - value_[i - 1];
+    if (jumps) {
+      if (before != 0) breaks.push_back(time_[i]);
+      continue;
+    }
+    const double left = before / (time_[i] - time_[i - 1]), right = (value_[i + 1] - value_[i]) / (time_[i + 1] - time_[i]);
+    if (std::abs(right - left) > 1e-9 * (std::abs(left) + std::abs(right))) breaks.push_back(time_[i]);
+  }
+  return breaks;
 }
 
 double TimeCurve::calcDerivative(double t, int order) const {
   if (isConstant()) return order == 0 ? constant_ : 0.0;
+  if (interpolation_ == scene::Interpolation::step) {
+    if (order > 0) return 0.0;
+    const auto next = std::upper_bound(time_.begin() + 1, time_.end(), t);
+    return value_[static_cast<size_t>(next - time_.begin()) - 1];
+  }
   const auto upper = std::upper_bound(time_.begin() + 1, time_.end() - 1, t);
   const size_t i = static_cast<size_t>(upper - time_.begin()) - 1;
   const double h = time_[i + 1] - time_[i], s = t - time_[i];
+  if (interpolation_ == scene::Interpolation::linear) {
+    const double slope = (value_[i + 1] - value_[i]) / h;
+    return order == 0 ? value_[i] + s * slope : order == 1 ? slope : 0.0;
+  }
   const double m0 = second_[i], third = (second_[i + 1] - m0) / h;
   const double slope = (value_[i + 1] - value_[i]) / h - h * (2 * m0 + second_[i + 1]) / 6;
   switch (order) {
@@ -108,7 +134,7 @@ double TimeCurve::calcDerivative(double t, int order) const {
 
 TimeCurve::Overshoot TimeCurve::findOvershoot() const {
   Overshoot worst;
-  if (isConstant()) return worst;
+  if (isConstant() || interpolation_ != scene::Interpolation::spline) return worst;
   const auto [low, high] = std::minmax_element(value_.begin(), value_.end());
   const double range = *high - *low;
   for (size_t i = 0; range > 0 && i + 1 < time_.size(); ++i) {

@@ -489,10 +489,12 @@ ordered_json makeMotionSummary(const Scene& scene, const Trajectory& trajectory,
 
 ordered_json makeStatistics(const scene::IntegratorStatistics& s) {
   return {{"integrator", s.name},
+          {"prescribed_coordinates", s.prescribed},
           {"steps_taken", s.stepsTaken},
           {"steps_attempted", s.stepsAttempted},
           {"error_test_failures", s.errorTestFailures},
           {"convergence_failures", s.convergenceFailures},
+          {"jacobians", s.jacobians},
           {"realizations", s.realizations},
           {"contact_evaluations", s.contactEvaluations},
           {"contact_copies", s.contactCopies},

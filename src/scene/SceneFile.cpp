@@ -855,7 +855,7 @@ class SceneReader : private ElementContext {
 
   TimeFunction readTimeFunction(const SceneNode& node, Dimension dimension) override {
     if (!node.isMap()) return node.getQuantity(dimension);
-    node.requireKeys({"table", "column", "unit", "time", "scale", "offset"});
+    node.requireKeys({"table", "column", "unit", "time", "scale", "offset", "interpolation"});
     const SceneNode tableNode = node.get("table", "\"table: gait.csv\"");
     const SceneNode columnNode = node.get("column", "\"column: rz\"");
     std::string written;
@@ -906,6 +906,10 @@ class SceneReader : private ElementContext {
 
     TimeSeries series;
     series.source = written + ", column " + column;
+    if (const auto v = node.find("interpolation")) {
+      constexpr std::array<Interpolation, 3> kinds = {Interpolation::spline, Interpolation::linear, Interpolation::step};
+      series.interpolation = kinds[v->getChoice({"spline", "linear", "step"})];
+    }
     const int rows = table.numRows();
     if (rows < 2) tableNode.fail(written + " has one row; a table over time needs at least two");
     for (int row = 0; row < rows; ++row) {
@@ -1318,12 +1322,19 @@ class SceneReader : private ElementContext {
   }
 
   void readStatic(const SceneNode& node) {
-    node.requireKeys({"method", "max_acceleration", "max_residual", "damping", "max_time", "time"});
+    node.requireKeys({"method", "max_acceleration", "max_residual", "damping", "max_time", "time", "search"});
     StaticSpec& spec = scene_.staticAnalysis.emplace();
     if (const auto method = node.find("method")) {
-      constexpr std::array<StaticSpec::Method, 3> methods = {
-          StaticSpec::Method::newton, StaticSpec::Method::implicitEuler, StaticSpec::Method::both};
-      spec.method = methods[method->getChoice({"newton", "implicit-euler", "both"})];
+      constexpr std::array<StaticSpec::Method, 4> methods = {
+          StaticSpec::Method::newton, StaticSpec::Method::implicitEuler, StaticSpec::Method::both, StaticSpec::Method::kinsol};
+      spec.method = methods[method->getChoice({"newton", "implicit-euler", "both", "kinsol"})];
+    }
+    if (const auto v = node.find("search")) {
+      v->requireKeys({"starts", "translation", "angle"});
+      StaticSpec::Search& search = spec.search.emplace();
+      if (const auto entry = v->find("starts")) search.starts = entry->getInteger(1, 10000);
+      if (const auto entry = v->find("translation")) search.translation_m = entry->getPositive(Dimension::length);
+      if (const auto entry = v->find("angle")) search.angle_rad = entry->getPositive(Dimension::angle);
     }
     if (const auto v = node.find("max_acceleration"))
       spec.maxAcceleration_mPerS2 = v->getPositive(Dimension::acceleration);
@@ -1334,7 +1345,8 @@ class SceneReader : private ElementContext {
   }
 
   void readGait(const SceneNode& node) {
-    node.requireKeys({"duration", "output_interval", "accuracy", "integrator", "max_order", "step", "settle_first"});
+    node.requireKeys({"duration", "output_interval", "accuracy", "integrator", "max_order", "step", "settle_first", "tolerances", "prescribed", "max_steps",
+                      "max_wall_time"});
     GaitSpec& spec = scene_.gait.emplace();
     spec.duration_s = scene_.cycle_s;
     if (const auto v = node.find("duration")) spec.duration_s = v->getPositive(Dimension::time);
@@ -1352,6 +1364,23 @@ class SceneReader : private ElementContext {
     }
     if (const auto v = node.find("max_order")) spec.maxOrder = v->getInteger(1, 12);
     if (const auto v = node.find("step")) spec.step_s = v->getPositive(Dimension::time);
+    if (const auto v = node.find("tolerances")) {
+      v->requireKeys({"translation", "angle", "speed", "angular_speed"});
+      const auto read = [&v](const char* key, Dimension dimension, std::optional<double>& value) {
+        if (const auto entry = v->find(key)) value = entry->getPositive(dimension);
+      };
+      read("translation", Dimension::length, spec.tolerances.translation_m);
+      read("angle", Dimension::angle, spec.tolerances.angle_rad);
+      read("speed", Dimension::speed, spec.tolerances.speed_mPerS);
+      read("angular_speed", Dimension::angularSpeed, spec.tolerances.angularSpeed_radPerS);
+    }
+    if (const auto v = node.find("prescribed")) {
+      constexpr std::array<GaitSpec::Prescribed, 3> kinds = {GaitSpec::Prescribed::automatic, GaitSpec::Prescribed::eliminated,
+                                                             GaitSpec::Prescribed::constraints};
+      spec.prescribed = kinds[v->getChoice({"auto", "eliminated", "constraints"})];
+    }
+    if (const auto v = node.find("max_steps")) spec.maxSteps = v->getInteger(1, 1000000000);
+    if (const auto v = node.find("max_wall_time")) spec.maxWallTime_s = v->getPositive(Dimension::time);
     if (const auto v = node.find("settle_first")) spec.settleFirst = v->getBool();
   }
 

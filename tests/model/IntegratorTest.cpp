@@ -17,10 +17,10 @@ using testing_support::TemporaryFile;
 
 /** A knee off its equilibrium and moving. */
 struct Problem {
-  explicit Problem(const scene::Scene& scene, bool eliminated = true) : knee(scene) {
+  explicit Problem(const scene::Scene& scene, KneeOde::Prescribed prescribed = KneeOde::Prescribed::eliminated) : knee(scene) {
     SimTK::State state = knee.system().realizeTopology();
     knee.system().realizeModel(state);
-    ode = std::make_unique<KneeOde>(knee, state, 1e-4, eliminated);
+    ode = std::make_unique<KneeOde>(knee, state, OdeTolerances::of(1e-4), prescribed);
     const StaticResult rest = runStatic(scene);
     EXPECT_EQ(rest.status, StaticResult::Status::converged) << rest.statusText;
     y = ode->start(rest.q, scene::Coordinates(rest.q.size(), 0.0));
@@ -76,7 +76,7 @@ TEST(Jacobian, OfAKneeIsThatOfDifferences) {
   EXPECT_LT(compareJacobian(knee), 2e-5);
   Problem damped(dampedKnee(urdf.path()));
   EXPECT_LT(compareJacobian(damped), 2e-5);
-  Problem constrained(dampedKnee(urdf.path()), false);
+  Problem constrained(dampedKnee(urdf.path()), KneeOde::Prescribed::constraints);
   EXPECT_LT(compareJacobian(constrained), 2e-5);
 }
 
@@ -98,7 +98,7 @@ TEST(Elimination, GivesTheAccelerationsOfTheConstraints) {
   const TemporaryFile urdf("eliminated.urdf", kneeUrdf());
   scene::Scene scene = dampedKnee(urdf.path());
   testing_support::addGait(scene);
-  Problem eliminated(scene), constrained(scene, false);
+  Problem eliminated(scene), constrained(scene, KneeOde::Prescribed::constraints);
   std::vector<double> a(6), b(6);
   for (const double t : {0.0, 0.13, 0.52, 0.97}) {
     ASSERT_EQ(eliminated.ode->evaluate(t, eliminated.y.data(), a.data()), OdeProblem::Evaluation::ok);

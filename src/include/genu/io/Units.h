@@ -42,6 +42,7 @@ enum class Dimension {
   moment,
   pressure,
   speed,
+  angularSpeed,
   acceleration,
   damping,
   angularDamping,

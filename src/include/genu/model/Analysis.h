@@ -26,7 +26,7 @@ struct StaticResult {
   enum class Status { converged, notConverged, interrupted };
   Status status = Status::notConverged;
   std::string statusText;  ///< how it ended, and what to try if it did not converge
-  std::string method;      ///< "newton", "newton after implicit Euler", "implicit Euler"
+  std::string method;      ///< "newton", "kinsol", "newton after implicit Euler", "implicit Euler"
   double time_s = 0;       ///< the time tables were read at
   scene::Coordinates q;
   double residual_N = 0;                         ///< largest remaining residual
@@ -41,6 +41,19 @@ struct StaticResult {
   double wallTime_s = 0, cpuTime_s = 0;
   /** Method `both`: largest difference of the two poses, angles times kAngleLength_m [m]. */
   std::optional<double> methodDifference_m;
+  /** Eigenvalues of the stiffness of the free coordinates (angles times kAngleLength_m), lowest first; negative: unstable. Empty: none. */
+  std::vector<double> stiffness_NPerM;
+  struct Equilibrium {
+    scene::Coordinates q;
+    std::vector<double> stiffness_NPerM;
+  };
+  /** StaticSpec::search: what else was found. */
+  struct Search {
+    int starts = 0, converged = 0;
+    bool complete = true;
+    std::vector<Equilibrium> others;
+  };
+  std::optional<Search> search;
 };
 
 /** Static analysis [BF2004 §3.1], from the scene's `static` section (its defaults where there is none).

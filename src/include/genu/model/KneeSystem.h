@@ -84,6 +84,12 @@ class KneeSystem {
   std::shared_ptr<const TimeCurve> addCurve(const scene::TimeFunction& function, const std::string& use);
   /** @throws InputError when a table does not reach from t0 to t1 */
   void checkTablesCover(double t0_s, double t1_s) const;
+  /** Kinks and jumps of all tables, in the order of time; a time at which one jumps counts as a jump. */
+  struct InputBreak {
+    double time_s;
+    bool jump;
+  };
+  std::vector<InputBreak> listInputBreaks() const;
   /** Every table over time: its source, and in brackets what it is for. */
   std::vector<std::string> listTables() const;
   /** Tables whose curve leaves the range of their values by more than 2 % of it: a jump with too few rows. */

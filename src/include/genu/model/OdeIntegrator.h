@@ -26,6 +26,35 @@ class OdeProblem {
   virtual Evaluation calcJacobian(double /*t*/, const double* /*y*/, double* /*jacobian*/) noexcept { return Evaluation::stop; }
   /** Absolute tolerance of each component, > 0; there is no relative one. */
   virtual const std::vector<double>& absoluteTolerances() const = 0;
+  /** A component's name in messages: "rate of z". */
+  virtual std::string describeComponent(int component) const { return "component " + std::to_string(component + 1); }
+
+  // Problems whose components are not independent: m constraints g(t, q) = 0 on the coordinates q, and with them g' = G u + dg/dt = 0 on the
+  // rates. evaluate() gives rates that keep them.
+
+  virtual int numConstraints() const { return 0; }
+  /** Moves y onto the constraints: coordinates first, then rates. `error`, if not null, an estimate of y's error, loses its part across the
+   constraints. */
+  virtual Evaluation project(double /*t*/, double* /*y*/, double* /*error*/) noexcept { return Evaluation::stop; }
+  /** The constrained system with multipliers lambda (of the constraint forces) and mu, size() + 2 m residuals that are zero on a solution
+   [Gear, Leimkuhler & Gupta, J Comput Appl Math 12 (1985) 77]:
+
+     q' - u - G^T mu,   M u' + G^T lambda - f(t, q, u, z),   z' - h(t, q, u, z),   g(t, q),   G u + dg/dt
+
+   Of index 2; mu is zero but for errors of the method. `multipliers`: lambda, then mu. */
+  virtual Evaluation calcResidual(double /*t*/, const double* /*y*/, const double* /*ydot*/, const double* /*multipliers*/,
+                                  double* /*residual*/) noexcept {
+    return Evaluation::stop;
+  }
+  /** d(residual)/d(y, multipliers) + c d(residual)/d(ydot, 0), column by column. Only with hasJacobian(). */
+  virtual Evaluation calcResidualJacobian(double /*t*/, const double* /*y*/, const double* /*ydot*/, const double* /*multipliers*/, double /*c*/,
+                                          double* /*jacobian*/) noexcept {
+    return Evaluation::stop;
+  }
+  /** Rates and multipliers of a y that is on the constraints. */
+  virtual Evaluation calcMultipliers(double /*t*/, const double* /*y*/, double* /*ydot*/, double* /*multipliers*/) noexcept {
+    return Evaluation::stop;
+  }
 };
 
 /** One stiff integrator, stepping at its own pace up to a stop time that it does not pass. */
@@ -41,6 +70,10 @@ class OdeIntegrator {
   /** Takes one internal step. @return false with errorText() set on failure */
   virtual bool step() = 0;
   virtual double time() const = 0;
+  /** Moves the stop time on after it was reached; what was learned of the motion is kept. @return false: initialize() anew */
+  virtual bool continueTo(double /*stopTime*/) { return false; }
+  /** The component that stopped the last step, or limited it; -1: not known. */
+  virtual int worstComponent() { return -1; }
   /** The solution inside the last step. */
   [[nodiscard]] virtual bool interpolate(double t, std::vector<double>& y) = 0;
   virtual Statistics statistics() = 0;
@@ -52,8 +85,7 @@ struct OdeSettings {
   double step_s = 0;      ///< of fixed-step methods; 0: the method's own
 };
 
-/** An integrator by name: "cpodes" (BDF of order 1 and 2 with Newton iteration, Simbody's CPODES), "generalized-alpha", and those that
- were registered.
+/** An integrator by name: listOdeIntegrators() has them.
     @throws InputError for an unknown name, listing the known ones, or a setting that this integrator does not take; `where` is the key it
     came from */
 std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdeProblem& problem, const OdeSettings& settings,
@@ -65,11 +97,18 @@ struct OdeIntegratorKind {
   std::string description;                      ///< one line
   int lowestOrder = 0, highestOrder = 0;        ///< of OdeSettings::maxOrder; 0: it takes none
   Step step = Step::adaptive;
+  /** What it can integrate: independent unknowns only (`eliminated`), problems with constraints only, or both. */
+  enum class Unknowns { eliminated, constraints, both };
+  Unknowns unknowns = Unknowns::eliminated;
   std::function<std::unique_ptr<OdeIntegrator>(OdeProblem&, const OdeSettings&)> make;
 };
 /** Adds a kind; one of the same name is replaced. */
 void registerOdeIntegrator(OdeIntegratorKind kind);
-/** Names and descriptions, in the order in which they were added. */
+/** In the order in which they were added. */
 std::vector<OdeIntegratorKind> listOdeIntegrators();
+/** @throws InputError for an unknown name, listing the known ones; `where` is the key it came from */
+const OdeIntegratorKind& findOdeIntegrator(const std::string& name, const std::string& where);
+/** @throws InputError a setting that the kind does not take */
+void checkOdeSettings(const OdeIntegratorKind& kind, const OdeSettings& settings, const std::string& where);
 
 }  // namespace genu::model

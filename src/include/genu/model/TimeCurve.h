@@ -24,8 +24,11 @@ class TimeCurve {
 
   bool isConstant() const { return time_.empty(); }
   double calcValue(double t_s) const { return calcDerivative(t_s, 0); }
-  /** order 0, 1, 2 or 3 */
+  /** order 0, 1, 2 or 3; at a kink or jump, of what follows */
   double calcDerivative(double t_s, int order) const;
+  scene::Interpolation interpolation() const { return interpolation_; }
+  /** Times of kinks (linear) or jumps (step); none for splines and constants. */
+  std::vector<double> listBreaks() const;
 
   /** @throws InputError when the table does not reach from t0 to t1; `use` names what the table is for */
   void checkCovers(double t0_s, double t1_s, const std::string& use) const;
@@ -39,6 +42,7 @@ class TimeCurve {
 
  private:
   std::vector<double> time_, value_, second_;  // second derivatives at the points
+  scene::Interpolation interpolation_ = scene::Interpolation::spline;
   double constant_ = 0;
   std::string source_;
 };

@@ -101,22 +101,37 @@ struct ContactSpec {
 };
 
 struct StaticSpec {
-  enum class Method { implicitEuler, newton, both };
+  enum class Method { implicitEuler, newton, both, kinsol };
   Method method = Method::newton;
   double maxAcceleration_mPerS2 = 1e-3;  ///< implicit Euler stops below it (and rad/s^2 alike)
   double maxResidual_N = 1e-6;           ///< Newton: largest force residual (moments over 25 mm)
   double damping_NsPerM = 0;             ///< implicit Euler's numerical damping on each translation; 0: chosen
   double maxTime_s = 60;                 ///< implicit Euler: simulated time limit
   double time_s = 0;                     ///< tables are read at this time
+  /** Search for more equilibria from starts spread around the first one, up to so far in every free coordinate. */
+  struct Search {
+    int starts = 30;
+    double translation_m = 3e-3, angle_rad = 0.17;
+  };
+  std::optional<Search> search;
 };
 
 struct GaitSpec {
   double duration_s = 1;
   double outputInterval_s = 0.01;
-  double accuracy = 1e-4;       ///< CPodes accuracy
+  double accuracy = 1e-4;       ///< sets all tolerances: times 1 mm and 10 m/s, angles at 25 mm
+  /** Absolute tolerances of a step where they are not to follow from accuracy. */
+  struct Tolerances {
+    std::optional<double> translation_m, angle_rad, speed_mPerS, angularSpeed_radPerS;
+  } tolerances;
   std::string integrator = "cpodes";
   int maxOrder = 0;             ///< of multistep methods; 0: the integrator's own
   double step_s = 0;            ///< of fixed-step methods; 0: the integrator's own
+  /** Prescribed coordinates: no unknowns, or unknowns with a constraint each; automatic: as docs/integrators.md says. */
+  enum class Prescribed { automatic, eliminated, constraints };
+  Prescribed prescribed = Prescribed::automatic;
+  long maxSteps = 1000000;      ///< the run fails beyond
+  double maxWallTime_s = 3600;  ///< the run ends beyond, with what it has
   bool settleFirst = true;      ///< static analysis at t = 0 first
 };
 

@@ -30,7 +30,8 @@ struct Frame {
 
 struct IntegratorStatistics {
   std::string name;
-  long stepsTaken = 0, stepsAttempted = 0, errorTestFailures = 0, convergenceFailures = 0, realizations = 0,
+  std::string prescribed;  ///< "eliminated" or "constraints"; empty: nothing was integrated
+  long stepsTaken = 0, stepsAttempted = 0, errorTestFailures = 0, convergenceFailures = 0, jacobians = 0, realizations = 0,
        contactEvaluations = 0, contactCopies = 0, distanceQueries = 0;
 };
 
