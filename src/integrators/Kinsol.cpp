@@ -58,10 +58,10 @@ void genuSolveWithKinsol(EquilibriumProblem& problem, double* z, EquilibriumOutc
   void* memory = KINCreate(context);
   N_VConst(1 / kLength_m, poseScale);
   N_VConst(1 / problem.maxResidual_N(), forceScale);
-  // The residual decides, not the step: KINSOL's second criterion is set out of reach. A new Jacobian costs one evaluation of contact: one each step.
+  // The residual decides, not the step: KINSOL's second criterion is set out of reach. A step may be longer than ours, which has no line search. A new Jacobian costs one evaluation of contact: one each step.
   const bool ok = memory != nullptr && KINSetErrHandlerFn(memory, Solve::message, &solve) == 0 && KINSetUserData(memory, &solve) == 0 &&
                   KINInit(memory, Solve::force, pose) == 0 && KINSetFuncNormTol(memory, 1) == 0 && KINSetScaledStepTol(memory, 1e-16) == 0 &&
-                  KINSetMaxNewtonStep(memory, problem.maxMove_m() / kLength_m) == 0 && KINSetNumMaxIters(memory, kMostIterations) == 0 &&
+                  KINSetMaxNewtonStep(memory, 4 * problem.maxMove_m() / kLength_m) == 0 && KINSetNumMaxIters(memory, kMostIterations) == 0 &&
                   KINSetMaxSetupCalls(memory, 1) == 0 && KINSetLinearSolver(memory, solver, matrix) == 0 &&
                   KINSetJacFn(memory, Solve::jacobian) == 0;
   if (ok) {

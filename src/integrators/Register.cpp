@@ -29,6 +29,11 @@ void registerSundials() {
                                     return std::unique_ptr<model::OdeIntegrator>(genuMakeSundials(kind, problem, settings));
                                   }});
   }
+  model::registerEquilibriumSolver("kinsol", [](model::EquilibriumProblem& problem, double* z) {
+    model::EquilibriumOutcome outcome;
+    genuSolveWithKinsol(problem, z, outcome);
+    return outcome;
+  });
 }
 
 }  // namespace genu::integrators

@@ -251,7 +251,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   Run run(knee, ode, *integrator, gait, progress, result);
   run.integrate(ode.start(q, qdot));
   const OdeIntegrator::Statistics& counts = run.statistics();
-  const ArticularContactSubsystem::Counters& work = ode.counters();
+  const ArticularContactSubsystem::Counters work = ode.counters();
   scene::IntegratorStatistics& out = result.statistics;
   out.name = integrator->name();
   out.prescribed = constraints ? "constraints" : "eliminated";

@@ -363,6 +363,14 @@ bool KneeOde::makeFrame(double t, const std::vector<double>& y, scene::Frame& fr
   }
 }
 
+ArticularContactSubsystem::Counters KneeOde::counters() const {
+  ArticularContactSubsystem::Counters all = knee_.contact().getCounters(state_);
+  all.evaluations += otherCounters_.evaluations;
+  all.copies += otherCounters_.copies;
+  all.distanceQueries += otherCounters_.distanceQueries;
+  return all;
+}
+
 std::string KneeOde::advice() const {
   if (!failure_.empty() && fullPenetration_) {
     return "; the layer is too thin or too soft for the load, or the prescribed motion pushes one body through the "

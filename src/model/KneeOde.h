@@ -68,7 +68,9 @@ class KneeOde : public OdeProblem {
   /** Why the last evaluation was refused; empty when it was not. */
   const std::string& failure() const { return failure_; }
   std::string advice() const;
-  const ArticularContactSubsystem::Counters& counters() const { return knee_.contact().getCounters(state_); }
+  /** Of all evaluations, also those of an integrator with a State of its own, which tells what its State has counted. */
+  ArticularContactSubsystem::Counters counters() const;
+  void setOtherCounters(const ArticularContactSubsystem::Counters& counters) { otherCounters_ = counters; }
 
  private:
   void setState(SimTK::State& state, double t, const double* y) const;
@@ -93,6 +95,7 @@ class KneeOde : public OdeProblem {
   Eigen::MatrixXd massFree_;
   Eigen::VectorXd forceFree_;
   std::vector<double> yShifted_, ydotShifted_, rates_, ratesShifted_;
+  ArticularContactSubsystem::Counters otherCounters_;
   std::string failure_;
   bool touched_ = false, fullPenetration_ = false, elementProblem_ = false;
 };

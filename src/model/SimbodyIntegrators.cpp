@@ -86,6 +86,7 @@ class SimbodyDriver : public OdeIntegrator {
     s.errorTestFailures = integrator_->getNumErrorTestFailures();
     s.convergenceFailures = integrator_->getNumConvergenceTestFailures();
     s.evaluations = integrator_->getNumRealizations();
+    problem_->setOtherCounters(problem_->knee().contact().getCounters(integrator_->getAdvancedState()));
     return s;
   }
   const std::string& errorText() const override { return error_; }

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -99,13 +100,19 @@ TEST(Elimination, GivesTheAccelerationsOfTheConstraints) {
   scene::Scene scene = dampedKnee(urdf.path());
   testing_support::addGait(scene);
   Problem eliminated(scene), constrained(scene, KneeOde::Prescribed::constraints);
-  std::vector<double> a(6), b(6);
+  std::vector<double> a(6), b(12);
   for (const double t : {0.0, 0.13, 0.52, 0.97}) {
     ASSERT_EQ(eliminated.ode->evaluate(t, eliminated.y.data(), a.data()), OdeProblem::Evaluation::ok);
-    ASSERT_EQ(constrained.ode->evaluate(t, eliminated.y.data(), b.data()), OdeProblem::Evaluation::ok);
+    // The free ones rx, y, z among all six; the projection sets the others to their curves.
+    std::vector<double> y(12);
+    const std::array<size_t, 3> place = {0, 4, 5};
+    for (size_t k = 0; k < 3; ++k) y[place[k]] = eliminated.y[k], y[6 + place[k]] = eliminated.y[3 + k];
+    ASSERT_EQ(constrained.ode->project(t, y.data(), nullptr), OdeProblem::Evaluation::ok);
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(y[place[k]], eliminated.y[k], 1e-12);
+    ASSERT_EQ(constrained.ode->evaluate(t, y.data(), b.data()), OdeProblem::Evaluation::ok);
     double largest = 0;
     for (const double value : b) largest = std::max(largest, std::abs(value));
-    for (size_t k = 0; k < 6; ++k) EXPECT_NEAR(a[k], b[k], 1e-10 * largest) << t;
+    for (size_t k = 0; k < 3; ++k) EXPECT_NEAR(a[3 + k], b[6 + place[k]], 1e-10 * largest) << t;
   }
 }
 

@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "KneeFixtures.h"
+#include "ElementFixtures.h"
 #include "genu/model/Analysis.h"
 #include "genu/model/KneeSystem.h"
 
@@ -276,6 +276,29 @@ TEST(StaticAnalysis, RepeatsBitForBit) {
   const StaticResult a = settle(scene, Method::newton), b = settle(scene, Method::newton);
   EXPECT_EQ(a.q, b.q);
   EXPECT_EQ(a.residual_N, b.residual_N);
+}
+
+/** A body of the lift's slider held by a strut of 12 mm, 10 N/mm, whose foot is 10 mm beside the slider: it snaps to either side, y = +-sqrt(144 - 100) mm,
+ where its stiffness along y is k (y/L)^2. */
+TEST(StaticAnalysis, SearchFindsTheOtherEquilibrium) {
+  const TemporaryFile urdf("strut.urdf", testing_support::liftUrdf());
+  const TemporaryFile yaml("strut.yaml", "genu: 1\nmodel:\n  urdf: " + urdf.path().string() +
+                                             "\n  joints: {lift: {translation: {free: {start: 4 mm}}}}\nsprings:\n  strut: {stiffness: 10 N/mm, acts: both, "
+                                             "rest: {length: 12 mm}, path: [{body: ground, at: \"10 mm, 0 mm, 0 mm\"}, {body: body, at: \"0 mm, 0 mm, 0 mm\"}]}\n"
+                                             "analysis: {static: {search: {starts: 20, translation: 15 mm}}}\n");
+  const StaticResult result = runStatic(scene::readScene(yaml.path(), {{}, true, {}}));
+  ASSERT_EQ(result.status, StaticResult::Status::converged) << result.statusText;
+  const double y = std::sqrt(144e-6 - 100e-6), k = 1e4 * 44 / 144;
+  EXPECT_NEAR(result.q[0], y, 1e-9);  // 1e-6 N over 3 N/mm
+  ASSERT_EQ(result.stiffness_NPerM.size(), 1u);
+  EXPECT_NEAR(result.stiffness_NPerM[0], k, 1e-4 * k);  // differences of 10 nm
+  ASSERT_TRUE(result.search);
+  EXPECT_EQ(result.search->starts, 20);
+  EXPECT_EQ(result.search->converged, 20);
+  ASSERT_EQ(result.search->others.size(), 1u);
+  EXPECT_NEAR(result.search->others[0].q[0], -y, 1e-9);
+  EXPECT_NEAR(result.search->others[0].stiffness_NPerM[0], k, 1e-4 * k);
+  EXPECT_THAT(result.statusText, ::testing::HasSubstr("1 other equilibrium found"));
 }
 
 TEST(StaticAnalysis, NeedsAModel) {
