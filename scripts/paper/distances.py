@@ -1,5 +1,6 @@
 """Table 2: distance methods on one surface in more and more patches, as the benchmark distance_table prints them."""
 
+import math
 import re
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import sys
 from . import markdown
 from .published import TABLE2
 
+RUNS = 3  # the shortest of their times: other programs can only lengthen them
 # The row of a surface whose method is one of these; a general CAD kernel has another function for several patches, as ACIS had.
 MINIMUM_CAD = ("OCCT Extrema_ExtPS, minimum, cold", "OCCT BRepExtrema point-faces, cold")
 RAY_CAD = ("OCCT GeomAPI_IntCS ray, cold", "OCCT GeomAPI_IntCS ray, every patch, cold")
@@ -18,16 +20,20 @@ def read_rows(text):
     for line in text.splitlines():
         match = re.match(r"(.{26}) (.{42}) +\d+ +(\d+) +\d+ ", line)
         if match:
-            rows[match.group(1).strip(), match.group(2).strip()] = float(match.group(3))
+            key = match.group(1).strip(), match.group(2).strip()
+            rows[key] = min(float(match.group(3)), rows.get(key, math.inf))
     return rows
 
 
 def write(program):
-    done = subprocess.run([str(program)], capture_output=True, text=True)
-    if done.returncode != 0:
-        sys.exit(f"compare_with_paper: {program} ended with {done.returncode}: {done.stderr.strip()}")
-    rows = read_rows(done.stdout)
-    deviation = dict(re.findall(r"^(\S+): .* at most ([\d.]+) um", done.stdout, re.MULTILINE))
+    text = ""
+    for _ in range(RUNS):
+        done = subprocess.run([str(program)], capture_output=True, text=True)
+        if done.returncode != 0:
+            sys.exit(f"compare_with_paper: {program} ended with {done.returncode}: {done.stderr.strip()}")
+        text += done.stdout
+    rows = read_rows(text)
+    deviation = dict(re.findall(r"^(\S+): .* at most ([\d.]+) um", text, re.MULTILINE))
 
     def time(surface, methods, unit):
         found = [rows[surface, method] for method in methods if (surface, method) in rows]

@@ -1,5 +1,6 @@
 """Tables, and the places of a page where they stand."""
 
+import math
 import re
 import sys
 
@@ -11,6 +12,13 @@ def table(header, rows):
 
 def pair(form, numbers):
     return " / ".join(form % number for number in numbers)
+
+
+def digits(number, count):
+    """That many significant digits, without an exponent."""
+    rounded = float(f"{number:.{count - 1}e}")
+    places = count - 1 - math.floor(math.log10(abs(rounded))) if rounded else 0
+    return f"{rounded:.{max(0, places)}f}"
 
 
 def begin(name):

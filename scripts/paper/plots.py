@@ -7,10 +7,10 @@ COLORS = ["#0b5fa5", "#d1495b", "#2a9d8f", "#e09f3e", "#6c4a9e", "#555555"]
 
 
 class Curve:
-    """title: in the key if not empty. style: gnuplot's, after the data. points: rows of numbers."""
+    """points: rows of numbers; style: gnuplot's, after the data."""
 
-    def __init__(self, points, style, title="", using="1:2"):
-        self.points, self.style, self.title, self.using = points, style, title, using
+    def __init__(self, points, style, using="1:2"):
+        self.points, self.style, self.using = points, style, using
 
 
 class Panel:
@@ -22,15 +22,15 @@ def quote(text):
     return "'" + text.replace("'", "''") + "'"
 
 
-def draw(file, rows, key, settings="", panel_size=(560, 260)):
-    """rows: lists of panels. key: [(title, style)], drawn once, above all panels."""
+def draw(file, rows, key, panel_size=(560, 260), left=100, gap_x=100, gap_y=36):
+    """rows: lists of panels, one axis of x for all of a column. key: [(title, style)], drawn once, above all panels."""
     down, across = len(rows), max(len(row) for row in rows)
-    left, right, top, bottom, gap_x, gap_y = 95, 25, 75, 65, 95, 62
+    right, top, bottom = 25, 80, 72
     width = left + right + across * panel_size[0] + (across - 1) * gap_x
     height = top + bottom + down * panel_size[1] + (down - 1) * gap_y
     script = [f"set terminal pngcairo size {width},{height} font 'DejaVu Sans,14' background rgb 'white' noenhanced",
               f"set output {quote(str(file))}", "set border lc rgb '#404040' lw 1", "set tics nomirror out scale 0.6",
-              "set grid lc rgb '#dddddd' lt 1 lw 1", settings, "set multiplot"]
+              "set grid lc rgb '#dddddd' lt 1 lw 1", "set multiplot"]
     count = 0
     for i, row in enumerate(rows):
         for j, panel in enumerate(row):
@@ -45,14 +45,19 @@ def draw(file, rows, key, settings="", panel_size=(560, 260)):
                 plots.append(f"$data{count} using {curve.using} {curve.style} notitle")
             script += ["set lmargin at screen %.5f" % (x0 / width), "set rmargin at screen %.5f" % ((x0 + panel_size[0]) / width),
                        "set tmargin at screen %.5f" % (y1 / height), "set bmargin at screen %.5f" % ((y1 - panel_size[1]) / height),
-                       "unset key", f"set title {quote(panel.title)} offset 0,-0.6", f"set xlabel {quote(panel.xlabel)} offset 0,0.4",
+                       "unset key", "set format x " + ("'%g'" if i + 1 == down else "''"), f"set title {quote(panel.title)} offset 0,-0.6", f"set xlabel {quote(panel.xlabel)} offset 0,0.2",
                        f"set ylabel {quote(panel.ylabel)}", panel.settings, "plot " + ", ".join(plots)]
-    # A frame of its own for the key, without anything else in it.
+    # The key: a frame without anything else in it per entry, side by side in the middle.
     script += ["set lmargin at screen 0", "set rmargin at screen 1", "set tmargin at screen 1", f"set bmargin at screen {1 - 40 / height:.5f}",
-               "unset border", "unset tics", "unset grid", "unset title", "unset xlabel", "unset ylabel", "unset logscale",
-               "set xrange [0:1]", "set yrange [0:1]",
-               "set key at screen 0.5, screen %.5f center center horizontal Left reverse samplen 3 width 1.5 maxrows 1" % (1 - 22 / height),
-               "plot " + ", ".join(f"NaN {style} title {quote(title)}" for title, style in key), "unset multiplot"]
+               "unset border", "unset tics", "unset grid", "unset title", "unset xlabel", "unset ylabel", "unset logscale", "unset xzeroaxis",
+               "set xrange [0:1]", "set yrange [0:1]"]
+    lengths = [95 + 9 * len(title) for title, _ in key]
+    x = (width - sum(lengths)) / 2
+    for (title, style), length in zip(key, lengths):
+        script += [f"set key at screen {x / width:.5f}, screen {1 - 22 / height:.5f} left center Left reverse samplen 3",
+                   f"plot NaN {style} title {quote(title)}"]
+        x += length
+    script.append("unset multiplot")
     file.parent.mkdir(parents=True, exist_ok=True)
     file.with_suffix(".gp").write_text("\n".join(script) + "\n")
     try:

@@ -43,6 +43,9 @@ class Runner:
         self.call(command, input_path, "--output", folder, "--no-maps", "--no-plots", *options)
         return folder
 
+    def shipped(self, scene):
+        return ROOT / "models" / scene
+
     def contact(self, scene, pose, grid):
         return json.loads(self.call("contact", scene, "--pose", pose, "--grid", grid, "--error", "--json"))
 
@@ -97,6 +100,11 @@ def read_scene(scene):
         return match.group(1) + (path if path.startswith("data:") else str((file.parent / path).resolve()))
 
     return re.sub(r"((?:nurbs|urdf|table): \"?)([^\s\"},]+)", absolute, file.read_text())
+
+
+def with_rule(text, rule):
+    """A shipped scene with this way to count its elements; `centre` is the paper's."""
+    return re.sub(r"\n( +)(material: \w+)\n", rf"\n\1\2\n\1rule: {rule}\n", text, count=1)
 
 
 def write_scene(folder, name, text):

@@ -2,13 +2,15 @@
 with the smooth one, and the estimates of the error."""
 
 from . import markdown, plots
-from .results import QUANTITIES, SIDES, at_pose, errors, read_scene, read_summary, sides, values, write_scene
+from .results import QUANTITIES, at_pose, errors, read_scene, read_summary, sides, values, with_rule, write_scene
 
-DIVISIONS = (5, 6, 8, 10, 12, 14, 16, 18, 20, 22, 25, 28, 30, 35, 40, 45, 50, 60, 70, 80, 90, 100)
+DIVISIONS = (10, 12, 14, 16, 18, 20, 22, 25, 28, 30, 35, 40, 45, 50, 60, 70, 80, 90, 100)
 SQUARES = (10, 20, 30, 50, 100)
 OTHER = 50  # elements along the other direction: the grid of the paper's pressures
 FINEST = 400
 RULES = ("centre", "smooth")
+DIRECTIONS = ("x", "z")
+FLOOR = 1e-4  # [%], the lowest of the logarithmic axes
 
 
 def pose_text(pose):
@@ -18,71 +20,89 @@ def pose_text(pose):
 class Sensitivity:
     def __init__(self, run, model, gait):
         """gait: folder of the linear run, whose pose at maximum load is used."""
-        text = read_scene(f"{model}/gait.yaml")
-        head, tail = text.split("    material: polyethylene\n", 1)
         self.run, self.model = run, model
-        self.scenes = {rule: write_scene(run.output / "scenes", f"{model}_{rule}", head + f"    material: polyethylene\n    rule: {rule}\n" + tail) for rule in RULES}
+        self.scenes = {rule: write_scene(run.output / "scenes", f"{model}_{rule}", with_rule(read_scene(f"{model}/gait.yaml"), rule)) for rule in RULES}
         self.pose = pose_text(at_pose(read_summary(gait))["pose"])
         self.reference = self.evaluate("smooth", FINEST, FINEST)[0]
+        self.lines = {(rule, d): [(n, *self.percent(rule, *((n, OTHER) if d == "x" else (OTHER, n)))) for n in DIVISIONS] for rule in RULES for d in DIRECTIONS}
+        self.squares = {rule: [(n, *self.percent(rule, n, n)) for n in SQUARES] for rule in RULES}
 
     def evaluate(self, rule, nx, nz):
         """Values and estimated errors: [side][quantity]."""
         contact = self.run.contact(self.scenes[rule], self.pose, f"{nx}x{nz}")
         return [values(load) for load in sides(contact)], [errors(load) for load in sides(contact)]
 
-    def percent(self, numbers):
-        return [[100 * (n / r - 1) for n, r in zip(*pair)] for pair in zip(numbers, self.reference)]
-
-    def draw(self, picture):
-        """Difference from the finest grid against divisions; and the largest ones from 30 divisions on, as rows of a table."""
-        directions = ("x", "z")
-        results = {(d, rule): [(n, self.percent(self.evaluate(rule, *((n, OTHER) if d == "x" else (OTHER, n)))[0])) for n in DIVISIONS]
-                   for d in directions for rule in RULES}
-        styles = {("centre", 0): f"with linespoints lw 1.8 pt 7 ps 0.8 lc rgb '{plots.COLORS[0]}'", ("centre", 1): f"with linespoints lw 1.8 pt 5 ps 0.8 lc rgb '{plots.COLORS[1]}'",
-                  ("smooth", 0): f"with lines lw 2.5 dt 2 lc rgb '{plots.COLORS[2]}'", ("smooth", 1): f"with lines lw 2.5 dt 3 lc rgb '{plots.COLORS[3]}'"}
-        panels = []
-        for q, (name, _, _, _, _) in enumerate(QUANTITIES):
-            row = []
-            # Both directions of a quantity have one scale, so that they can be compared.
-            spread = [p[side][q] for result in results.values() for _, p in result for side in (0, 1)]
-            low, high = min(spread), max(spread)
-            margin = 0.06 * (high - low)
-            for d in directions:
-                curves = [plots.Curve([(n, p[side][q]) for n, p in results[d, rule]], styles[rule, side]) for rule in RULES for side in (0, 1)]
-                row.append(plots.Panel(curves, title=name, ylabel="difference (%)", xlabel=f"elements along {d}, {OTHER} along {'z' if d == 'x' else 'x'}",
-                                       settings=f"set xrange [0:102]; set yrange [{low - margin:.6g}:{high + margin:.6g}]; set xzeroaxis lc rgb '#404040' lt 1 lw 1"))
-            panels.append(row)
-        plots.draw(picture, panels, [(f"{rule} rule, {side}", styles[rule, i]) for rule in RULES for i, side in enumerate(SIDES)], panel_size=(560, 200))
-        rows = []
-        for q, (name, _, _, _, _) in enumerate(QUANTITIES):
-            row = [self.model, name]
-            for rule in RULES:
-                for d in directions:
-                    row.append(" / ".join("%.2g" % max(abs(p[side][q]) for n, p in results[d, rule] if n >= least for side in (0, 1)) for least in (10, 30)))
-            rows.append(row)
-        return rows
-
-    def estimates(self, picture):
-        """True and estimated errors on n x n elements; rows of a table."""
-        results = {rule: [(n, *self.evaluate(rule, n, n)) for n in SQUARES] for rule in RULES}
-        rows = []
-        for n_index, n in enumerate(SQUARES):
-            for rule in RULES:
-                _, numbers, estimated = results[rule][n_index]
-                row = [self.model, f"{n} x {n}", rule]
-                for q in range(len(QUANTITIES)):
-                    side = max((0, 1), key=lambda s: abs(numbers[s][q] / self.reference[s][q] - 1))
-                    row.append(" / ".join("%.1g" % (100 * e / self.reference[side][q]) for e in (abs(numbers[side][q] - self.reference[side][q]), estimated[side][q])))
-                rows.append(row)
-        return rows
+    def percent(self, rule, nx, nz):
+        """Differences from the finest grid and estimated errors, in per cent of the finest grid's values."""
+        numbers, estimates = self.evaluate(rule, nx, nz)
+        return ([[100 * (n / r - 1) for n, r in zip(*side)] for side in zip(numbers, self.reference)],
+                [[100 * e / r for e, r in zip(*side)] for side in zip(estimates, self.reference)])
 
 
-def write(sensitivities, images):
-    """{section: text}; pictures paper_sensitivity_MODEL.png."""
-    spread, estimated = [], []
-    for s in sensitivities:
-        spread += s.draw(images / f"paper_sensitivity_{s.model}.png")
-        estimated += s.estimates(None)
+def draw_values(sensitivities, picture):
+    """As the paper's figure: values, here as differences from the finest grid; one scale for both directions and models."""
+    styles = {("centre", 0): f"with linespoints lw 1.8 pt 7 ps 0.8 lc rgb '{plots.COLORS[0]}'", ("centre", 1): f"with linespoints lw 1.8 pt 5 ps 0.8 lc rgb '{plots.COLORS[1]}'",
+              ("smooth", 0): f"with lines lw 2.5 dt 2 lc rgb '{plots.COLORS[2]}'", ("smooth", 1): f"with lines lw 3 dt 3 lc rgb '{plots.COLORS[3]}'"}
+    panels = []
+    for q, (name, *_) in enumerate(QUANTITIES):
+        row = []
+        for s in sensitivities:
+            for d in DIRECTIONS:
+                curves = [plots.Curve([(n, difference[side][q]) for n, difference, _ in s.lines[rule, d]], styles[rule, side]) for rule in RULES for side in (0, 1)]
+                first, last = not row, q + 1 == len(QUANTITIES)
+                row.append(plots.Panel(curves, title=f"{s.model}, along {d}" if q == 0 else "", ylabel=f"{name} (%)" if first else "",
+                                       xlabel=f"elements along {d}, {OTHER} along {'z' if d == 'x' else 'x'}" if last else "",
+                                       settings="set xrange [5:105]; set yrange [-25:25]; set ytics 10; set xzeroaxis lc rgb '#404040' lt 1 lw 1"))
+        panels.append(row)
+    plots.draw(picture, panels, [(f"{rule} rule, {side}", styles[rule, i]) for rule in RULES for i, side in enumerate(("medial", "lateral"))], panel_size=(330, 170), gap_x=55, gap_y=24)
+
+
+def draw_errors(s, picture):
+    """Differences from the finest grid on a logarithmic axis, and the estimates that the program gives without that grid."""
+    colors = {"centre": plots.COLORS[0], "smooth": plots.COLORS[1]}
+    panels = []
+    for q, (name, *_) in enumerate(QUANTITIES):
+        row = []
+        for side, text in enumerate(("medial", "lateral")):
+            for d in DIRECTIONS:
+                curves = []
+                for rule in RULES:
+                    curves.append(plots.Curve([(n, max(FLOOR, estimate[side][q])) for n, _, estimate in s.lines[rule, d]], f"with lines lw 2 dt 2 lc rgb '{colors[rule]}'"))
+                    curves.append(plots.Curve([(n, max(FLOOR, abs(difference[side][q]))) for n, difference, _ in s.lines[rule, d]], f"with points pt 7 ps 0.9 lc rgb '{colors[rule]}'"))
+                row.append(plots.Panel(curves, title=f"{text}, along {d}" if q == 0 else "", ylabel=f"{name} (%)" if not row else "",
+                                       xlabel=f"elements along {d}, {OTHER} along {'z' if d == 'x' else 'x'}" if q + 1 == len(QUANTITIES) else "",
+                                       settings=f"set xrange [5:105]; set logscale y; set yrange [{FLOOR}:300]; set format y '%g'; set ytics ('1e-4' 1e-4, '0.001' 1e-3, '0.01' 1e-2, '0.1' 0.1, '1' 1, '10' 10, '100' 100)"))
+        panels.append(row)
+    key = []
+    for rule in RULES:
+        key += [(f"{rule} rule: difference from {FINEST} x {FINEST}", f"with points pt 7 ps 0.9 lc rgb '{colors[rule]}'"), ("estimate", f"with lines lw 2 dt 2 lc rgb '{colors[rule]}'")]
+    plots.draw(picture, panels, key, panel_size=(330, 190), left=120, gap_x=70, gap_y=24)
+
+
+def write(sensitivities, folder):
+    """The text; pictures paper_sensitivity.png and paper_errors_MODEL.png."""
+    draw_values(sensitivities, folder / "paper_sensitivity.png")
     names = [name for name, *_ in QUANTITIES]
-    return (markdown.table(["Model", "Largest difference [%] from 10 / from 30 divisions on", "centre rule, along x", "along z", "smooth rule, along x", "along z"], spread)
-            + "\n\n" + markdown.table(["Model", "Grid", "Rule"] + [f"{name}, error / estimate [%]" for name in names], estimated))
+    spread, estimated = [], []
+    covered = {rule: [0, 0] for rule in RULES}
+    for s in sensitivities:
+        draw_errors(s, folder / f"paper_errors_{s.model}.png")
+        for q, name in enumerate(names):
+            spread.append([s.model, name] + [" / ".join(markdown.digits(max(abs(difference[side][q]) for n, difference, _ in s.lines[rule, d] if n >= least for side in (0, 1)), 2)
+                                                        for least in (10, 30)) for rule in RULES for d in DIRECTIONS])
+        for i, n in enumerate(SQUARES):
+            for rule in RULES:
+                _, difference, estimate = s.squares[rule][i]
+                row = [s.model, f"{n} x {n}", rule]
+                for q in range(len(QUANTITIES)):
+                    side = max((0, 1), key=lambda k: abs(difference[k][q]))
+                    row.append(markdown.digits(abs(difference[side][q]), 1) + " / " + markdown.digits(estimate[side][q], 1))
+                estimated.append(row)
+        for rule in RULES:
+            for difference, estimate in [found[1:] for d in DIRECTIONS for found in s.lines[rule, d]] + [found[1:] for found in s.squares[rule]]:
+                for side in (0, 1):
+                    covered[rule][0] += sum(abs(a) <= b for a, b in zip(difference[side], estimate[side]))
+                    covered[rule][1] += len(QUANTITIES)
+    note = "The estimate covers the difference in " + " and in ".join(f"{a} of {b} cases ({rule} rule)" for rule, (a, b) in covered.items()) + "."
+    return (markdown.table(["Model", "Largest difference [%] from 10 / from 30 elements on", "centre rule, along x", "along z", "smooth rule, along x", "along z"], spread)
+            + "\n\n" + markdown.table(["Model", "Grid", "Rule"] + [f"{name}: error / estimate [%]" for name in names], estimated) + "\n\n" + note)
