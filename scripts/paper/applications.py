@@ -26,11 +26,17 @@ def write_loads(title, columns):
     return markdown.table([title] + [heading for heading, _ in columns], rows)
 
 
+def signed(number, places):
+    """Without a minus before zeros."""
+    return f"{round(number, places) + 0.0:+.{places}f}"
+
+
 def write_changes(title, rows):
     """rows: [(heading, from, to)]; changes in per cent."""
     lines = []
     for heading, before, after in rows:
-        lines.append([heading] + [markdown.pair("%+.1f", [round(100 * (after[i][s] / before[i][s] - 1), 1) + 0.0 for s in (0, 1)]) for i in range(len(QUANTITIES))])
+        changes = [[signed(100 * (a / b - 1), 1) for a, b in zip(*pairs)] for pairs in zip(after, before)]
+        lines.append([heading] + [" / ".join(change) for change in changes])
     return markdown.table([title] + [name for name, *_ in QUANTITIES], lines)
 
 
@@ -78,7 +84,8 @@ class Applications:
         for heading, (_, small) in found.items():
             if "centre" in heading:
                 continue
-            changes += "\n| paraboloid with the small-strain peaks of " + heading.replace("Paper", "the paper") + " | 0 | - | " + " | ".join(paraboloid_changes(small[PEAK])) + " |"
+            label = "paraboloid with the small-strain peaks of " + heading.replace("Paper", "the paper")
+            changes += "\n| " + " | ".join([label, "0", "-", *paraboloid_changes(small[PEAK])]) + " |"
         return "\n\n".join(texts + [changes])
 
     def artificial(self):
@@ -91,9 +98,9 @@ class Applications:
             for model in models:
                 name = f"{model}_{law.replace(' ', '_')}"
                 folder, results = self.walk(self.run.shipped(f"{model}/{scene}"), name)
-                for (grid, result), values in zip((("30 x 30", folder), ("50 x 50", folder.parent / (name + "_50x50"))), results):
-                    columns.append((f"{model}, {grid}", values))
-                    self.times.append(("gait" if grid == "30 x 30" else "replay", f"gait cycle, {model}, {law}" if grid == "30 x 30" else f"the same on 50 x 50, {model}, {law}", result))
+                columns += [(f"{model}, {grid}", values) for grid, values in zip(("30 x 30", "50 x 50"), results)]
+                self.times += [("gait", f"gait cycle, {model}, {law}", folder),
+                               ("replay", f"the same on 50 x 50, {model}, {law}", folder.parent / (name + "_50x50"))]
                 changes.append((f"{model}, {law}", *results))
                 self.gaits[model, law] = folder
             texts.append(write_loads(f"{law.capitalize()}, medial / lateral", columns))
@@ -113,8 +120,8 @@ class Applications:
         """Fig. 5: what tka_dm predicts beside the fluoroscopy of its owner, and how well the prediction is determined."""
         with open(measured_file, newline="") as stream:
             measured = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(stream)]
-        tight = write_scene(self.run.output / "scenes", "tka_dm_tight",
-                            read_scene("tka_dm/gait.yaml").replace("gait: {output_interval: 10 ms}", "gait: {output_interval: 10 ms, accuracy: 1e-6}"))
+        text = read_scene("tka_dm/gait.yaml").replace("gait: {", "gait: {accuracy: 1e-6, ")
+        tight = write_scene(self.run.output / "scenes", "tka_dm_tight", text)
         motions = {law: read_table(self.gaits["tka_dm", law] / "motion.sto") for law in LAWS}
         motions["linear, 1e-6"] = read_table(self.run.analyse("gait", tight, "tka_dm_linear_tight") / "motion.sto")
         times = motions["linear"]["time"]
@@ -137,7 +144,8 @@ class Applications:
                 for places in (determined, range(len(times))):
                     difference = [first[i] - second[i] for i in places]
                     mean = sum(difference) / len(difference)
-                    row += ["%.2f" % (round(mean, 2) + 0.0), "%.2f" % math.sqrt(sum(d * d for d in difference) / len(difference)), "%.2f" % max(map(abs, difference))]
+                    rms = math.sqrt(sum(d * d for d in difference) / len(difference))
+                    row += [signed(mean, 2), "%.2f" % rms, "%.2f" % max(map(abs, difference))]
                 rows.append(row)
 
             for law in LAWS:
@@ -151,8 +159,10 @@ class Applications:
             if name != "y":
                 drawn.append(plots.Curve([(i, -t) for i, t in enumerate(truth)], mirrored))
             drawn += [plots.Curve(list(enumerate(curves[key])), style) for key, style in styles.items()]
-            panels.append([plots.Panel(drawn, title=label, xlabel="per cent of the gait cycle" if name == "rx" else "", ylabel=f"{name} ({unit})", settings="set xrange [0:100]")])
-        key = [("measured", grey), ("\u00b11 mm", band), ("mirrored", mirrored), ("linear", styles["linear"]), ("accuracy 1e-6", styles["linear, 1e-6"]), ("power law", styles["power law"])]
+            xlabel = "per cent of the gait cycle" if name == "rx" else ""
+            panels.append([plots.Panel(drawn, title=label, xlabel=xlabel, ylabel=f"{name} ({unit})", settings="set xrange [0:100]")])
+        key = [("measured", grey), ("\u00b11 mm", band), ("mirrored", mirrored), ("linear", styles["linear"]),
+               ("accuracy 1e-6", styles["linear, 1e-6"]), ("power law", styles["power law"])]
         plots.draw(picture, panels, key, panel_size=(920, 220), gap_y=44)
         share = f"0 to {100 * DETERMINED_S:.0f} %"
         return markdown.table(["", "Difference", f"{share}: mean", "rms", "largest", "whole cycle: mean", "rms", "largest"], rows)

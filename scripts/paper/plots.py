@@ -45,8 +45,9 @@ def draw(file, rows, key, panel_size=(560, 260), left=100, gap_x=100, gap_y=36):
                 plots.append(f"$data{count} using {curve.using} {curve.style} notitle")
             script += ["set lmargin at screen %.5f" % (x0 / width), "set rmargin at screen %.5f" % ((x0 + panel_size[0]) / width),
                        "set tmargin at screen %.5f" % (y1 / height), "set bmargin at screen %.5f" % ((y1 - panel_size[1]) / height),
-                       "unset key", "set format x " + ("'%g'" if i + 1 == down else "''"), f"set title {quote(panel.title)} offset 0,-0.6", f"set xlabel {quote(panel.xlabel)} offset 0,0.2",
-                       f"set ylabel {quote(panel.ylabel)}", panel.settings, "plot " + ", ".join(plots)]
+                       "unset key", "set format x " + ("'%g'" if i + 1 == down else "''"),
+                       f"set title {quote(panel.title)} offset 0,-0.6", f"set xlabel {quote(panel.xlabel)} offset 0,0.2",
+                       f"set ylabel {quote(panel.ylabel)}", panel.settings, "plot " + (", ".join(plots) or "NaN notitle")]
     # The key: a frame without anything else in it per entry, side by side in the middle.
     script += ["set lmargin at screen 0", "set rmargin at screen 1", "set tmargin at screen 1", f"set bmargin at screen {1 - 40 / height:.5f}",
                "unset border", "unset tics", "unset grid", "unset title", "unset xlabel", "unset ylabel", "unset logscale", "unset xzeroaxis",

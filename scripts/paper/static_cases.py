@@ -45,7 +45,7 @@ def run_cases(run, models):
                     try:
                         folder = run.analyse("static", scene, name, "--grid", COARSE)
                     except Failed as failure:
-                        results[model, law, flexion, load] = str(failure)
+                        results[model, law, flexion, load] = str(failure).replace(str(scene), name + ".yaml")
                         continue
                     result = at_pose(read_summary(run.analyse("replay", folder, name + "_fine", "--grid", FINE)))
                     result["border_MPa"] = find_border_pressure(run, scene, result["pose"])
@@ -96,19 +96,24 @@ def write_facts(results, models):
     rows = []
     for model in models:
         mine = found(results, model)
-        poses = [" / ".join("%.1f" % mine[model, "linear", f, STATIC_LOADS_N[-1]]["pose"]["x_mm"] for f in STATIC_FLEXIONS_DEG
-                            if (model, "linear", f, STATIC_LOADS_N[-1]) in mine)]
-        turned = max((abs(r["pose"]["ry_deg"]) for r in mine.values()), default=0)
-        tilted = max((abs(r["pose"]["rx_deg"]) for r in mine.values()), default=0)
+        if not mine:
+            continue
+        largest = [mine.get((model, "linear", f, STATIC_LOADS_N[-1])) for f in STATIC_FLEXIONS_DEG]
+        poses = " / ".join("%.1f" % r["pose"]["x_mm"] if r else "-" for r in largest)
+        turned = max(abs(r["pose"]["ry_deg"]) for r in mine.values())
+        tilted = max(abs(r["pose"]["rx_deg"]) for r in mine.values())
         off = max(1e3 * abs(load["center_of_pressure_m"][0]) for r in mine.values() for load in sides(r["contact"]))
-        apart = max((abs(a / b - 1) for a, b in ([values(load)[PEAK] for load in sides(r["contact"])] for r in mine.values())), default=0)
+        peaks = [[values(load)[PEAK] for load in sides(r["contact"])] for r in mine.values()]
+        apart = max(abs(medial / lateral - 1) for medial, lateral in peaks)
         strain = max(r["contact"]["total"]["max_strain"] for r in mine.values())
         loads = [load for r in mine.values() for load in r["contact"]["compartments"].values()]
         estimated = [max(100 * l["error_estimate"][key] / l[key] for l in loads) for key in ("peak_pressure_Pa", "mean_pressure_Pa", "area_m2")]
-        rows.append([model, poses[0], "%.2f / %.2f" % (turned, tilted), "%.1f" % off, "%.0f" % (100 * apart), "%.1f" % (100 * strain),
+        rows.append([model, poses, "%.2f / %.2f" % (turned, tilted), "%.1f" % off, "%.0f" % (100 * apart), "%.1f" % (100 * strain),
                      " / ".join(markdown.digits(e, 1) for e in estimated), "%.1f" % max(r["border_MPa"] for r in mine.values())])
-    return markdown.table(["", "x of the femoral origin at 0 / 30 / 60 / 90 degrees [mm]", "largest ry / rx [deg]", "centers of pressure from the middle of the insert, along x, at most [mm]", "medial and lateral peaks differ by at most [%]",
-                           "largest d/h [%]", "estimated errors of the grid, peak / mean / area, at most [%]", "largest pressure in the outermost elements [MPa]"], rows)
+    header = ["", "x of the femoral origin at 0 / 30 / 60 / 90 degrees [mm]", "largest ry / rx [deg]",
+              "centers of pressure from the middle of the insert, along x, at most [mm]", "medial and lateral peaks differ by at most [%]",
+              "largest d/h [%]", "estimated errors of the grid, peak / average / area, at most [%]", "largest pressure in the outermost elements [MPa]"]
+    return markdown.table(header, rows)
 
 
 def write_ratios(results, columns):
@@ -129,7 +134,8 @@ def write_ratios(results, columns):
         row.append("%.2f .. %.2f" % (min(over), max(over)) if over else "-")
         rows.append(row)
     rows.append(["paraboloid, linear", "2", "2", "2", "2"])
-    rows.append(["paraboloid, p ~ d^(1/3): the power law far beyond p0", "%.2f" % 4 ** 0.25, "%.2f" % 4 ** 0.25, "%.2f" % 4 ** 0.75, "%.2f" % (4 / 3)])
+    limits = (4 ** 0.25, 4 ** 0.25, 4 ** 0.75, 4 / 3)
+    rows.append(["paraboloid, p ~ d^(1/3): the power law far beyond p0"] + ["%.2f" % limit for limit in limits])
     text = markdown.table(["3000 N over 750 N", "peak", "average", "area", "peak over average, all loads"], rows)
     laws = []
     for model in dict.fromkeys(model for model, _ in columns):
