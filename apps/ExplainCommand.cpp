@@ -258,7 +258,7 @@ void explainAnalyses(const Scene& scene) {
              s.time_s);
   if (scene.gait) {
     fmt::print("  gait: {:g} s, output every {:g} s, integrator {}, accuracy {:g}{}\n", scene.gait->duration_s,
-               scene.gait->outputInterval_s, scene.gait->integrator, scene.gait->accuracy,
+               scene.gait->outputInterval_s, model::chooseIntegrator(scene.gait->integrator), scene.gait->accuracy,
                scene.gait->settleFirst ? ", settled first" : "");
   }
   if (scene.series) fmt::print("  series: static equilibria over {:g} s, every {:g} s\n", scene.series->duration_s, scene.series->outputInterval_s);
@@ -365,7 +365,7 @@ int runCheckCommand(const fs::path& file, const CommonOptions& common) {
     if (scene.gait) {
       knee.checkTablesCover(0, scene.gait->duration_s);
       const std::string where = scene.where("analysis.gait.integrator");
-      model::checkOdeSettings(model::findOdeIntegrator(scene.gait->integrator, where), {scene.gait->maxOrder, scene.gait->step_s}, where);
+      model::checkOdeSettings(model::findOdeIntegrator(model::chooseIntegrator(scene.gait->integrator), where), {scene.gait->maxOrder, scene.gait->step_s}, where);
     }
   }
   meter.finish();

@@ -28,6 +28,8 @@ ordered_json toJson(const model::VerifySetting& s) {
   json["grid_factor_x"] = s.factorX;
   json["grid_factor_z"] = s.factorZ;
   json["rule"] = s.rule == contact::ContactRule::smooth ? "smooth" : "centre";
+  json["strain"] = s.strain == contact::StrainMeasure::large ? "large" : "small";
+  if (s.constraints) json["constraints"] = true;
   json["distance"] = s.distance == contact::DistanceMethod::ray ? "ray" : "minimum";
   return json;
 }
@@ -53,21 +55,22 @@ ordered_json toJson(const model::VerifyRow& row, const std::vector<std::string>&
   json["force_error_N"] = row.forceError_N;
   json["evaluations"] = row.evaluations;
   json["steps"] = row.steps;
+  if (row.peakMemory_MB > 0) json["peak_memory_MB"] = row.peakMemory_MB;
   json["front"] = {{"pose", row.onFrontPose}, {"force", row.onFrontForce}};
   return json;
 }
 
 std::string makeCsv(const model::Verification& v, const std::vector<std::string>& free) {
-  std::string text = "group,integrator,accuracy,step_s,grid_factor_x,grid_factor_z,rule,distance,cpu_s,pose_error_mm,force_error_N,evaluations,steps,front_pose,front_force";
+  std::string text = "group,integrator,accuracy,step_s,grid_factor_x,grid_factor_z,rule,distance,strain,constraints,cpu_s,peak_memory_MB,pose_error_mm,force_error_N,evaluations,steps,front_pose,front_force";
   for (const std::string& name : free) text += "," + name + "_error_mm";
   text += ",problem\n";
   for (const auto& row : v.rows) {
     const auto& s = row.setting;
     std::string problem = row.problem;
     for (char& c : problem) c = c == '"' ? '\'' : c == '\n' ? ' ' : c;
-    text += fmt::format("{},{},{:g},{:g},{:g},{:g},{},{},{:.6g},{:.6g},{:.6g},{},{},{},{}", s.group, s.integrator, s.accuracy, s.step_s, s.factorX, s.factorZ,
+    text += fmt::format("{},{},{:g},{:g},{:g},{:g},{},{},{},{},{:.6g},{:.4g},{:.6g},{:.6g},{},{},{},{}", s.group, s.integrator, s.accuracy, s.step_s, s.factorX, s.factorZ,
                         s.rule == contact::ContactRule::smooth ? "smooth" : "centre", s.distance == contact::DistanceMethod::ray ? "ray" : "minimum",
-                        row.cpu_s, 1e3 * row.poseError_m, row.forceError_N, row.evaluations, row.steps, row.onFrontPose ? 1 : 0, row.onFrontForce ? 1 : 0);
+                        s.strain == contact::StrainMeasure::large ? "large" : "small", s.constraints ? 1 : 0, row.cpu_s, row.peakMemory_MB, 1e3 * row.poseError_m, row.forceError_N, row.evaluations, row.steps, row.onFrontPose ? 1 : 0, row.onFrontForce ? 1 : 0);
     for (size_t k = 0; k < free.size(); ++k) text += row.problem.empty() ? fmt::format(",{:.6g}", 1e3 * row.coordinateErrors_m[k]) : ",";
     text += ",\"" + problem + "\"\n";
   }
@@ -76,17 +79,17 @@ std::string makeCsv(const model::Verification& v, const std::vector<std::string>
 
 /** A Markdown table. */
 std::string makeTable(const model::Verification& v, const std::vector<std::string>& free) {
-  std::string text = "| Setting | Time [ms] | Pose error [mm] | Force error [N] | Evaluations | |\n|---|---|---|---|---|---|\n";
+  std::string text = "| Setting | Time [ms] | Memory [MB] | Pose error [mm] | Force error [N] | Evaluations | |\n|---|---|---|---|---|---|---|\n";
   for (const auto& row : v.rows) {
     if (!row.problem.empty()) {
       std::string problem;
       for (const char c : row.problem) problem += c == '|' ? "\\|" : c == '\n' ? " " : std::string(1, c);
-      text += fmt::format("| {} | - | - | - | - | {} |\n", row.setting.describe(), problem);
+      text += fmt::format("| {} | - | - | - | - | - | {} |\n", row.setting.describe(), problem);
       continue;
     }
     const auto worst = static_cast<size_t>(std::max_element(row.coordinateErrors_m.begin(), row.coordinateErrors_m.end()) - row.coordinateErrors_m.begin());
     const char* front = row.onFrontPose && row.onFrontForce ? "front" : row.onFrontPose ? "front (pose)" : row.onFrontForce ? "front (force)" : "";
-    text += fmt::format("| {} | {:.3g} | {:.2g} ({}) | {:.2g} | {} | {} |\n", row.setting.describe(), 1e3 * row.cpu_s, 1e3 * row.poseError_m,
+    text += fmt::format("| {} | {:.3g} | {:.3g} | {:.2g} ({}) | {:.2g} | {} | {} |\n", row.setting.describe(), 1e3 * row.cpu_s, row.peakMemory_MB, 1e3 * row.poseError_m,
                         worst < free.size() ? free[worst] : "-", row.forceError_N,
                         row.evaluations, front);
   }

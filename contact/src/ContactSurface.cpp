@@ -596,28 +596,53 @@ void ContactSurface::Search::fillCells(const std::vector<NurbsPatch>& patches, c
       here = static_cast<std::int16_t>(s);
     }
   }
-  // Nearest seeds spread from cell to cell, one layer a round.
-  for (int round = 0; round < kMargin; ++round) {
-    const std::vector<std::int16_t> old = cells;
-    for (int x = 0; x < numCells[0]; ++x) {
-      for (int y = 0; y < numCells[1]; ++y) {
-        for (int z = 0; z < numCells[2]; ++z) {
-          int best = old[index(x, y, z)];
-          double nearest = best < 0 ? kInfinity : distance(best, x, y, z);
-          for (int n = 0; n < 27; ++n) {
-            const int a = x + n / 9 - 1, b = y + n / 3 % 3 - 1, c = z + n % 3 - 1;
-            if (a < 0 || b < 0 || c < 0 || a >= numCells[0] || b >= numCells[1] || c >= numCells[2]) continue;
-            const int s = old[index(a, b, c)];
-            if (s < 0 || s == best) continue;
-            const double r = distance(s, x, y, z);
-            if (r < nearest) {
-              nearest = r;
-              best = s;
-            }
-          }
-          cells[index(x, y, z)] = static_cast<std::int16_t>(best);
-        }
+  // Nearest seeds spread from cell to cell, one layer a round, from the cells that the round before has changed.
+  std::vector<int> changed, touched;
+  std::vector<std::int16_t> old;
+  std::vector<char> listed(cells.size(), 0);
+  for (size_t i = 0; i < cells.size(); ++i) {
+    if (cells[i] >= 0) changed.push_back(static_cast<int>(i));
+  }
+  const auto visitNeighbors = [&](int i, auto&& visit) {
+    const int z = i % numCells[2], y = i / numCells[2] % numCells[1], x = i / numCells[2] / numCells[1];
+    for (int a = std::max(x - 1, 0); a <= std::min(x + 1, numCells[0] - 1); ++a) {
+      for (int b = std::max(y - 1, 0); b <= std::min(y + 1, numCells[1] - 1); ++b) {
+        for (int c = std::max(z - 1, 0); c <= std::min(z + 1, numCells[2] - 1); ++c) visit(index(a, b, c));
       }
+    }
+  };
+  for (int round = 0; round < kMargin; ++round) {
+    old = cells;
+    touched.clear();
+    for (const int from : changed) {
+      visitNeighbors(from, [&](size_t i) {
+        if (listed[i] == 0) {
+          listed[i] = 1;
+          touched.push_back(static_cast<int>(i));
+        }
+      });
+    }
+    changed.clear();
+    for (const int at : touched) {
+      const auto i = static_cast<size_t>(at);
+      listed[i] = 0;
+      const int z = at % numCells[2], y = at / numCells[2] % numCells[1], x = at / numCells[2] / numCells[1];
+      int best = old[i];
+      double nearest = best < 0 ? kInfinity : distance(best, x, y, z);
+      int last = best;  // neighbors often share a seed
+      visitNeighbors(at, [&](size_t n) {
+        const int s = old[n];
+        if (s < 0 || s == best || s == last) return;
+        last = s;
+        const double r = distance(s, x, y, z);
+        if (r < nearest) {
+          nearest = r;
+          best = s;
+        }
+      });
+      if (best == old[i]) continue;
+      cells[i] = static_cast<std::int16_t>(best);
+      changed.push_back(at);
     }
   }
 }
@@ -739,15 +764,22 @@ ContactSurface::ContactSurface(std::vector<NurbsPatch> patches) : patches_(std::
   }
   double inside = kInfinity, outside = kInfinity;
   const double size = box_.diagonal().norm();
+  const auto tighten = [size](double square, double height, double& radius) {
+    if (square >= 2 * height * radius) return;  // the most frequent outcome first
+    if (square < 1e-16 * size * size || height * height <= 1e-18 * square) return;
+    radius = std::min(radius, square / (2 * height));
+  };
   for (size_t i = 0; i < points.size(); ++i) {
-    for (size_t j = 0; j < points.size(); ++j) {
+    for (size_t j = 0; j < i; ++j) {
       const Vec3 r = points[i] - points[j];
       const double square = r.squaredNorm();
-      if (square < 1e-16 * size * size) continue;
-      const double height = r.dot(normals[i]);  // > 0: the other point lies below the tangent plane
-      if (std::abs(height) <= 1e-9 * std::sqrt(square)) continue;
-      const double radius = square / (2 * std::abs(height));
-      (height > 0 ? inside : outside) = std::min(height > 0 ? inside : outside, radius);
+      for (const double height : {r.dot(normals[i]), -r.dot(normals[j])}) {  // > 0: the other point lies below the tangent plane
+        if (height > 0) {
+          tighten(square, height, inside);
+        } else {
+          tighten(square, -height, outside);
+        }
+      }
     }
   }
   safeInside_m_ = 0.5 * inside;

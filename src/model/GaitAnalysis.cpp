@@ -205,10 +205,10 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   knee.system().realizeModel(state);
 
   const std::string where = scene.where("analysis.gait.integrator");
-  const OdeIntegratorKind& kind = findOdeIntegrator(gait.integrator, where);
+  const OdeIntegratorKind& kind = findOdeIntegrator(chooseIntegrator(gait.integrator), where);
   const bool constraints = choosesConstraints(kind, gait, where);
   KneeOde ode(knee, state, OdeTolerances::of(gait), constraints ? KneeOde::Prescribed::constraints : KneeOde::Prescribed::eliminated);
-  const std::unique_ptr<OdeIntegrator> integrator = makeOdeIntegrator(gait.integrator, ode, {gait.maxOrder, gait.step_s}, where);
+  const std::unique_ptr<OdeIntegrator> integrator = makeOdeIntegrator(kind.name, ode, {gait.maxOrder, gait.step_s}, where);
 
   GaitResult result;
   result.elementColumns = knee.listElementColumns();

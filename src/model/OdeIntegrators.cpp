@@ -70,6 +70,12 @@ const OdeIntegratorKind& findOdeIntegrator(const std::string& name, const std::s
   throw InputError(where + ": " + io::describeUnknown("integrator", name, integratorNames()));
 }
 
+std::string chooseIntegrator(const std::string& given) {
+  if (!given.empty()) return given;
+  const auto names = integratorNames();
+  return std::find(names.begin(), names.end(), "cvode-bdf") != names.end() ? "cvode-bdf" : "cpodes";
+}
+
 void checkOdeSettings(const OdeIntegratorKind& kind, const OdeSettings& settings, const std::string& where) {
   if (settings.maxOrder != 0 && (settings.maxOrder < kind.lowestOrder || settings.maxOrder > kind.highestOrder)) {
     const std::string allowed = kind.highestOrder == 0 ? "none: it has one order only" : std::to_string(kind.lowestOrder) + " to " + std::to_string(kind.highestOrder);

@@ -108,6 +108,8 @@ void registerOdeIntegrator(OdeIntegratorKind kind);
 std::vector<OdeIntegratorKind> listOdeIntegrators();
 /** @throws InputError for an unknown name, listing the known ones; `where` is the key it came from */
 const OdeIntegratorKind& findOdeIntegrator(const std::string& name, const std::string& where);
+/** The name that a scene gives, or the standard: "cvode-bdf" where it was registered, else "cpodes", the same method. */
+std::string chooseIntegrator(const std::string& given);
 /** @throws InputError a setting that the kind does not take */
 void checkOdeSettings(const OdeIntegratorKind& kind, const OdeSettings& settings, const std::string& where);
 

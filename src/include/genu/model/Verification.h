@@ -10,7 +10,7 @@
 namespace genu::model {
 
 /** Error against run time of a scene: the scene is run with many settings of integrator, grid, rule and distance, each compared with a
- reference run on a finer grid with a tighter accuracy.
+ reference run on a finer grid with a tighter accuracy. A setting of another law has a reference of that law.
 
    pose error    largest difference of a free coordinate over all output times, angles times kAngleLength_m [m]
    force error   largest difference of a compartment's scalar force [N]
@@ -18,13 +18,15 @@ namespace genu::model {
  Scenes with analysis.gait are integrated, others find their static equilibrium. Processor time: the shortest of `repeats` runs, without
  reading the scene and building its grids. */
 struct VerifySetting {
-  std::string group;       ///< "integrator", "grid", "grid x", "grid z", "distance", "combined", "scene": what it varies
+  std::string group;       ///< "integrator", "constraints", "grid", "grid x", "grid z", "distance", "law", "combined", "scene": what it varies
   std::string integrator;  ///< empty in static scenes
   double accuracy = 0;     ///< of integrators with error control, else 0
   double step_s = 0;       ///< of fixed-step integrators, else 0
   double factorX = 1, factorZ = 1;  ///< cells of every compartment, over the scene's
   contact::ContactRule rule = contact::ContactRule::smooth;
   contact::DistanceMethod distance = contact::DistanceMethod::minimum;
+  contact::StrainMeasure strain = contact::StrainMeasure::small;
+  bool constraints = false;  ///< prescribed coordinates as unknowns with constraints; else as the integrator has them
 
   std::string describe() const;
 };
@@ -35,6 +37,7 @@ struct VerifyRow {
   double cpu_s = 0, poseError_m = 0, forceError_N = 0;
   std::vector<double> coordinateErrors_m;  ///< of each free coordinate in the order of the scene; their largest is poseError_m
   long evaluations = 0, steps = 0;
+  double peakMemory_MB = 0;  ///< of the process while it ran, with the scene; 0: this system does not tell
   bool onFrontPose = false, onFrontForce = false;  ///< no other row is both faster and nearer
 };
 

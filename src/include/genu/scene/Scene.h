@@ -124,7 +124,7 @@ struct GaitSpec {
   struct Tolerances {
     std::optional<double> translation_m, angle_rad, speed_mPerS, angularSpeed_radPerS;
   } tolerances;
-  std::string integrator = "cpodes";
+  std::string integrator;       ///< empty: the program's standard, model::chooseIntegrator()
   int maxOrder = 0;             ///< of multistep methods; 0: the integrator's own
   double step_s = 0;            ///< of fixed-step methods; 0: the integrator's own
   /** Prescribed coordinates: no unknowns, or unknowns with a constraint each; automatic: as docs/integrators.md says. */
