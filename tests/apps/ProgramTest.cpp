@@ -189,11 +189,11 @@ TEST_F(Runs, VerifyRecommendsASettingAndRunsItAgain) {
   ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("Cheapest within 0.1 mm and 5 N: grid x"));
   const json s = summary("out");
-  EXPECT_EQ(s.at("rows").size(), 8u);
+  EXPECT_EQ(s.at("rows").size(), 9u);
   EXPECT_LE(s.at("recommended").at("pose_error_mm").get<double>(), 0.1);
   EXPECT_LE(s.at("recommended").at("force_error_N").get<double>(), 5);
   const std::string csv = io::readFile(folder_ / "out/verification.csv");
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 9);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 10);
   for (const std::string file : s.at("files")) EXPECT_TRUE(fs::is_regular_file(folder_ / "out" / file)) << file;
 }
 

@@ -249,6 +249,33 @@ TEST(Limits, EndARunWithWhatItHas) {
   EXPECT_THAT(result.statusText, HasSubstr("of wall time; raise analysis.gait.max_wall_time"));
 }
 
+TEST(Tolerances, AreReadWithTheirUnits) {
+  const TemporaryFile urdf("tolerances.urdf", liftUrdf());
+  const auto read = [&urdf](const std::string& tolerances) {
+    const TemporaryFile yaml("tolerances.yaml", "genu: 1\nmodel:\n  urdf: " + urdf.path().string() +
+                                                    "\n  joints: {lift: {translation: free}}\nanalysis:\n  gait: {duration: 1 s, accuracy: 1e-4, tolerances: " + tolerances +
+                                                    ", max_steps: 70, max_wall_time: 2 min, prescribed: constraints}\n");
+    return scene::readScene(yaml.path(), {{}, true, {}});
+  };
+  const scene::GaitSpec gait = read("{translation: 1e-3 mm, angular_speed: 2 deg/s}").gait.value();
+  const OdeTolerances tolerances = OdeTolerances::of(gait);
+  EXPECT_DOUBLE_EQ(tolerances.translation_m, 1e-6);
+  EXPECT_DOUBLE_EQ(tolerances.angularSpeed_radPerS, 2 * testing_support::kDegree);
+  EXPECT_DOUBLE_EQ(tolerances.speed_mPerS, 1e-3);
+  EXPECT_DOUBLE_EQ(tolerances.angle_rad, 1e-7 / 0.025);
+  EXPECT_EQ(gait.maxSteps, 70);
+  EXPECT_EQ(gait.maxWallTime_s, 120);
+  EXPECT_EQ(gait.prescribed, Prescribed::constraints);
+  for (const auto& [text, part] : {std::pair{"{translation: 1 N}", "analysis.gait.tolerances.translation"}, {"{speed: 0 mm/s}", "allowed: > 0"}, {"{height: 1 mm}", "height"}}) {
+    try {
+      read(text);
+      ADD_FAILURE() << text << ": no InputError";
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), ::testing::AllOf(HasSubstr("tolerances.yaml:6"), HasSubstr(part))) << text;
+    }
+  }
+}
+
 TEST(Failures, NameTheCoordinate) {
   const TemporaryFile urdf("named.urdf", kneeUrdf());
   const Ode knee(gaitScene(urdf.path(), 8), KneeOde::Prescribed::eliminated);

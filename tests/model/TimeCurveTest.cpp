@@ -123,6 +123,34 @@ TEST(TimeCurve, FindsWhereItLeavesTheRangeOfItsTable) {
   EXPECT_GT(TimeCurve{sample(step, 0, 1, 8)}.findOvershoot().share, 0.1);
 }
 
+// Rows at 0, 1, 2 and 4 s; the slope changes at 1 and 2 s only.
+TEST(TimeCurve, LinesAndStepsGoThroughTheirRows) {
+  scene::TimeSeries series;
+  series.time_s = {0, 1, 2, 4, 5};
+  series.value = {0, 2, 1, 1, 1};
+  series.interpolation = scene::Interpolation::linear;
+  const TimeCurve line(series);
+  EXPECT_DOUBLE_EQ(line.calcValue(0.25), 0.5);
+  EXPECT_DOUBLE_EQ(line.calcValue(1), 2);
+  EXPECT_DOUBLE_EQ(line.calcValue(1.5), 1.5);
+  EXPECT_DOUBLE_EQ(line.calcDerivative(1, 1), -1);  // of what follows
+  EXPECT_DOUBLE_EQ(line.calcDerivative(1.5, 2), 0);
+  EXPECT_DOUBLE_EQ(line.calcValue(5), 1);
+  EXPECT_EQ(line.listBreaks(), (std::vector<double>{1, 2}));
+  EXPECT_EQ(line.findOvershoot().share, 0);
+  series.interpolation = scene::Interpolation::step;
+  const TimeCurve steps(series);
+  EXPECT_EQ(steps.calcValue(0.999), 0);
+  EXPECT_EQ(steps.calcValue(1), 2);
+  EXPECT_EQ(steps.calcValue(std::nextafter(1.0, 0.0)), 0);
+  EXPECT_EQ(steps.calcValue(3), 1);
+  EXPECT_EQ(steps.calcValue(5), 1);
+  EXPECT_EQ(steps.calcDerivative(1.5, 1), 0);
+  EXPECT_EQ(steps.listBreaks(), (std::vector<double>{1, 2}));
+  series.interpolation = scene::Interpolation::spline;
+  EXPECT_TRUE(TimeCurve(series).listBreaks().empty());
+}
+
 TEST(TimeCurve, RejectsBadTablesNamingSourceAndRow) {
   scene::TimeSeries series = sample([](double t) { return t; }, 0, 1, 5);
   series.value[3] = std::numeric_limits<double>::quiet_NaN();

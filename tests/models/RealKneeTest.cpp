@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "ModelFiles.h"
+#include "RandomStarts.h"
 #include "genu/io/Table.h"
 #include "genu/model/Analysis.h"
 #include "genu/scene/SceneFile.h"
@@ -46,6 +47,18 @@ class MeasuredKnee : public testing::Test {
   TemporaryFolder output_;
   fs::path data_, surfaces_;
 };
+
+/** As StaticStarts.EndInTheSameEquilibrium. */
+TEST_F(MeasuredKnee, SettlesFromRandomStarts) {
+  fit("tka_dm", "fit_tka_dm");
+  if (IsSkipped() || HasFatalFailure()) return;
+  for (const char* name : {"tka_dm/gait.yaml", "tka_dm/gait_power_law.yaml"}) settleFromRandomStarts(read(name, "tka_dm"), name, 25, 1e-8);
+  fit("natural_knee", "fit_natural_knee");
+  if (IsSkipped() || HasFatalFailure()) return;
+  for (const char* name : {"natural_knee_mri/static.yaml", "natural_knee_mri/static_large_strain.yaml"}) {
+    settleFromRandomStarts(read(name, "natural_knee"), name, 25, 1e-8);
+  }
+}
 
 /** Application 2: predicted height against the measured one, whose accuracy is about 0.5 to 1 mm; both sides loaded. */
 TEST_F(MeasuredKnee, ImplantWalks) {
