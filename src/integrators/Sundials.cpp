@@ -63,6 +63,12 @@ class SundialsDriver : public OdeIntegrator {
     return worst;
   }
 
+  void limitStep(double longest) override {
+    setLongest(std::isfinite(longest) ? longest : 0);
+    // The length of the next step is chosen already: a stop cuts it.
+    setStop(std::min(stop_, time_ + longest));
+  }
+
   bool continueTo(double stopTime) override {
     stop_ = stopTime;
     return setStop(stopTime);
@@ -108,6 +114,8 @@ class SundialsDriver : public OdeIntegrator {
   virtual int getDense(double t, N_Vector y) = 0;
   virtual bool setStop(double t) = 0;
 
+  /** 0: none. */
+  virtual void setLongest(double h) = 0;
   /** The estimated error of each component of the last step in dense_. */
   virtual int getErrors(N_Vector errors) = 0;
 
@@ -199,6 +207,7 @@ class Cvode : public SundialsDriver {
   }
   int getErrors(N_Vector errors) override { return CVodeGetEstLocalErrors(memory_, errors); }
   bool setStop(double t) override { return CVodeSetStopTime(memory_, t) == 0; }
+  void setLongest(double h) override { CVodeSetMaxStep(memory_, h); }
   bool setUp() override {
     memory_ = CVodeCreate(stiff_ ? CV_BDF : CV_ADAMS, context_.value);
     if (memory_ == nullptr) return fail("CVODE could not be made");
@@ -270,6 +279,7 @@ class Ida : public SundialsDriver {
     return flag;
   }
   bool setStop(double t) override { return IDASetStopTime(memory_, t) == 0; }
+  void setLongest(double h) override { IDASetMaxStep(memory_, h); }
 
   bool setUp() override {
     memory_ = IDACreate(context_.value);
@@ -362,6 +372,9 @@ class Arkode : public SundialsDriver {
   }
   int getErrors(N_Vector errors) override { return step_s_ > 0 ? -1 : ARKStepGetEstLocalErrors(memory_, errors); }
   bool setStop(double t) override { return ARKStepSetStopTime(memory_, t) == 0; }
+  void setLongest(double h) override {
+    if (step_s_ <= 0) ARKStepSetMaxStep(memory_, h);
+  }
   bool setUp() override {
     memory_ = ARKStepCreate(nullptr, rightSide, time_, y_.get(), context_.value);
     if (memory_ == nullptr) return fail("ARKODE could not be made");

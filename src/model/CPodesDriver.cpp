@@ -44,6 +44,7 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
     cpodes_->setEwtFn();
     cpodes_->setMaxOrd(maxOrder_);
     cpodes_->lapackDense(y_.size());
+    stop_ = stopTime;
     cpodes_->setStopTime(stopTime);
     // CPODES derives its first step from y'; from y' = 0 it makes NaN. The error test corrects a step that is too long.
     bool atRest = true;
@@ -63,7 +64,15 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
 
   double time() const override { return time_; }
 
-  bool continueTo(double stopTime) override { return cpodes_->setStopTime(stopTime) == CPodes::Success; }
+  bool continueTo(double stopTime) override {
+    stop_ = stopTime;
+    return cpodes_->setStopTime(stopTime) == CPodes::Success;
+  }
+
+  void limitStep(double longest) override {
+    cpodes_->setMaxStep(std::min(longest, 1e30));
+    cpodes_->setStopTime(std::min(stop_, time_ + longest));  // the length of the next step is chosen already
+  }
 
   int worstComponent() override {
     Vector errors(y_.size());
@@ -135,7 +144,7 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
   int maxOrder_;
   std::unique_ptr<CPodes> cpodes_;
   Vector y_, yDot_;
-  double time_ = 0;
+  double time_ = 0, stop_ = 0;
   std::string error_;
   mutable std::string message_;
   mutable long evaluations_ = 0;

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <sstream>
 
 #include "KneeOde.h"
@@ -31,7 +32,7 @@ void checkSettings(const scene::Scene& scene, const scene::GaitSpec& gait) {
   check(gait.accuracy, "accuracy", "");
 }
 
-/** Where an integrator has to stop: inputs have a kink or a jump there, or the run ends. */
+/** Where an integrator has to stop: a curve of an input changes there, or the run ends. What is at rest, or moves evenly, would be followed in a step across a pulse. */
 struct Stop {
   double time_s;
   bool jump;
@@ -54,7 +55,7 @@ class Run {
  public:
   Run(const KneeSystem& knee, KneeOde& ode, OdeIntegrator& integrator, const scene::GaitSpec& gait, const scene::Progress& progress,
       GaitResult& result)
-      : ode_(ode), integrator_(integrator), gait_(gait), progress_(progress), result_(result),
+      : knee_(knee), ode_(ode), integrator_(integrator), gait_(gait), progress_(progress), result_(result),
         times_(makeOutputTimes(gait.duration_s, gait.outputInterval_s)), stops_(listStops(knee, times_.back())) {}
 
   void integrate(const std::vector<double>& y0) {
@@ -75,13 +76,15 @@ class Run {
   bool advance(const std::vector<double>& y0) {
     size_t stop = 0;
     std::vector<double> y = y0;
-    ode_.stopAt(stops_[0].time_s);
+    seeUpTo(stops_[0]);
     if (!integrator_.initialize(0, y, stops_[0].time_s)) return fail(0);
     const auto close = [this](bool ok) {
       count();
       return ok;
     };
     if (!addFrame(0, 0, y)) return close(false);
+    capped_ = knee_.contact().numContactPairs() > 0;
+    if (capped_) integrator_.limitStep(ode_.findLongestStep(y));
     long steps = 0;
     const auto start = std::chrono::steady_clock::now();
     for (size_t next = 1; next < times_.size();) {
@@ -94,6 +97,10 @@ class Run {
       }
       if (!integrator_.step()) return close(fail(integrator_.time()));
       const double reached = integrator_.time();
+      if (capped_) {
+        if (!integrator_.interpolate(reached, y)) return close(fail(reached));
+        integrator_.limitStep(ode_.findLongestStep(y));
+      }
       for (; next < times_.size() && times_[next] <= reached * (1 + 1e-14); ++next) {
         const double t = std::min(times_[next], reached);
         if (!integrator_.interpolate(t, y)) return close(fail(t));
@@ -102,14 +109,18 @@ class Run {
       if (reached < stops_[stop].time_s * (1 - 1e-14) || stop + 1 == stops_.size()) continue;
       const bool jump = stops_[stop].jump;
       const double begin = stops_[stop++].time_s;
-      ode_.stopAt(stops_[stop].time_s);
+      seeUpTo(stops_[stop]);
       if (!jump && integrator_.continueTo(stops_[stop].time_s)) continue;
       if (!integrator_.interpolate(reached, y)) return close(fail(reached));
       count();
       if (!integrator_.initialize(begin, y, stops_[stop].time_s)) return fail(begin);
+      if (capped_) integrator_.limitStep(ode_.findLongestStep(y));
     }
     return close(true);
   }
+
+  /** What jumps at a stop belongs to the part after it. */
+  void seeUpTo(const Stop& stop) { ode_.stopAt(stop.jump ? stop.time_s : std::numeric_limits<double>::infinity()); }
 
   /** Adds what the integrator has done since it was initialized. */
   void count() {
@@ -157,7 +168,9 @@ class Run {
     return false;
   }
 
+  const KneeSystem& knee_;
   KneeOde& ode_;
+  bool capped_ = false;  // no step across a contact
   OdeIntegrator& integrator_;
   const scene::GaitSpec& gait_;
   const scene::Progress& progress_;

@@ -1,6 +1,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "OdeIntegrators.h"
 
@@ -51,6 +52,7 @@ class GeneralizedAlpha : public OdeIntegrator {
     ratePrevious_ = rate_;
     taken_ = accepted_ = 0;
     counts_ = {};
+    longest_ = std::numeric_limits<double>::infinity();
     slopeStep_ = 0;
     haveMatrix_ = false;
     return true;
@@ -77,6 +79,7 @@ class GeneralizedAlpha : public OdeIntegrator {
 
   double time() const override { return time_; }
   int worstComponent() override { return worst_; }
+  void limitStep(double longest) override { longest_ = longest; }
 
   bool continueTo(double stopTime) override {
     start_ = time_;
@@ -136,7 +139,8 @@ class GeneralizedAlpha : public OdeIntegrator {
   /** From the state at t0 to t1. */
   bool advance(double t0, double t1, int depth) {
     const VectorXd y0 = y_, rate0 = rate_, a0 = a_;
-    if (solve(t0, t1, y0, rate0, a0)) return true;
+    const bool tooLong = t1 - t0 > longest_ && depth < kMaxHalvings;
+    if (!tooLong && solve(t0, t1, y0, rate0, a0)) return true;
     if (depth >= kMaxHalvings) return false;
     y_ = y0;
     rate_ = rate0;
@@ -245,6 +249,7 @@ class GeneralizedAlpha : public OdeIntegrator {
   double wanted_, h_ = 0, start_ = 0, time_ = 0, previousTime_ = 0, matrixStep_ = 0;
   int n_ = 0, size_ = 0;
   long steps_ = 0, taken_ = 0, accepted_ = 0;
+  double longest_ = std::numeric_limits<double>::infinity();
   bool haveMatrix_ = false;
   int worst_ = -1;
   std::vector<double> moved_;

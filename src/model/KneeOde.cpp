@@ -35,6 +35,10 @@ KneeOde::KneeOde(const KneeSystem& knee, const SimTK::State& defaultState, const
   for (const double step : {1e-8, 1e-7}) {
     for (const bool angle : isAngle) steps_.push_back(angle ? step / kAngleLength_m : step);
   }
+  for (int i = 0; i < knee.numCoordinates(); ++i) {
+    const scene::CoordinateInfo& c = knee.coordinates()[static_cast<size_t>(i)];
+    if (c.axis == 1 && c.isAngle) middleAngles_.push_back(knee.stateIndex(i));
+  }
   for (const bool angle : isAngle) tolerances_.push_back(angle ? tolerances.angle_rad : tolerances.translation_m);
   for (const bool angle : isAngle) tolerances_.push_back(angle ? tolerances.angularSpeed_radPerS : tolerances.speed_mPerS);
   for (const auto& element : knee.elements()) {
@@ -256,6 +260,7 @@ bool KneeOde::calcRates(SimTK::State& state, double t, const double* y, double* 
 OdeProblem::Evaluation KneeOde::evaluate(double t, const double* y, double* ydot) noexcept {
   try {
     setState(state_, t, y);
+    if (isNearGimbalLock()) return Evaluation::retry;
     knee_.system().realize(state_, SimTK::Stage::Velocity);
     if (!checkStatus()) return Evaluation::retry;
     if (!calcRates(state_, t, y, ydot)) {
@@ -263,12 +268,40 @@ OdeProblem::Evaluation KneeOde::evaluate(double t, const double* y, double* ydot
       return Evaluation::retry;
     }
     touched_ = touched_ || hasContact();
+    lastRates_.assign(ydot, ydot + size());
     failure_.clear();
     return Evaluation::ok;
   } catch (const std::exception& error) {
     failure_ = error.what();
     return Evaluation::retry;
   }
+}
+
+bool KneeOde::isNearGimbalLock() {
+  // The rotations' rates grow by 1/cos: at 1e-7 rad nine digits of the accelerations are left.
+  constexpr double kNearest_rad = 1e-7;
+  for (const int k : middleAngles_) {
+    if (std::abs(std::cos(state_.getQ()[k])) > kNearest_rad) continue;
+    failure_ = "ry of a floating joint is at 90 degrees, where rx and rz turn about the same axis (gimbal lock); give the joint another frame, or keep ry below 89 degrees";
+    gimbal_ = true;
+    return true;
+  }
+  gimbal_ = false;
+  return false;
+}
+
+double KneeOde::findLongestStep(const std::vector<double>& y) const {
+  double longest = SimTK::Infinity;
+  const size_t n = index_.size();
+  if (knee_.contact().numContactPairs() == 0 || lastRates_.size() != y.size()) return longest;
+  for (size_t k = 0; k < n; ++k) {
+    if (knee_.isPrescribed(unknown_[k])) continue;
+    const double length = knee_.coordinates()[static_cast<size_t>(unknown_[k])].isAngle ? kMostMove_m / kAngleLength_m : kMostMove_m;
+    // |v| h + |a| h^2 / 2 = length
+    const double v = std::abs(y[n + k]), a = std::abs(lastRates_[n + k]);
+    if (v > 0 || a > 0) longest = std::min(longest, 2 * length / (v + std::sqrt(v * v + 2 * a * length)));
+  }
+  return longest;
 }
 
 OdeProblem::Evaluation KneeOde::calcJacobian(double t, const double* y, double* jacobian) noexcept {
@@ -376,7 +409,7 @@ std::string KneeOde::advice() const {
     return "; the layer is too thin or too soft for the load, or the prescribed motion pushes one body through the "
            "other; check units of modulus, thickness and load";
   }
-  if (elementProblem_) return {};  // it says itself what to do
+  if (elementProblem_ || gimbal_) return {};  // it says itself what to do
   return "; check loads, mass and prescribed motion, or try another accuracy";
 }
 

@@ -64,6 +64,11 @@ class KneeOde : public OdeProblem {
   /** False when the pose is not valid; failure() then says why. */
   bool makeFrame(double t, const std::vector<double>& y, scene::Frame& frame);
 
+  /** The longest step from y in which no free coordinate moves by more than kMostMove_m, with the accelerations of the last evaluation: a body in flight takes no step across
+   a contact. Infinity without contact pairs. */
+  double findLongestStep(const std::vector<double>& y) const;
+  static constexpr double kMostMove_m = 0.5e-3;
+
   bool touched() const { return touched_; }
   /** Why the last evaluation was refused; empty when it was not. */
   const std::string& failure() const { return failure_; }
@@ -79,6 +84,7 @@ class KneeOde : public OdeProblem {
   void calcResidual(SimTK::State& state, const double* y, const double* ydot, const double* multipliers, double* residual);
   bool checkStatus() { return checkStatus(state_); }
   bool hasContact() const;
+  bool isNearGimbalLock();
 
   const KneeSystem& knee_;
   SimTK::State state_, linear_;    // linear_: contact is linear, for the Jacobian
@@ -94,10 +100,12 @@ class KneeOde : public OdeProblem {
   SimTK::Matrix mass_;
   Eigen::MatrixXd massFree_;
   Eigen::VectorXd forceFree_;
+  std::vector<double> lastRates_;
+  std::vector<int> middleAngles_;  // second angles of floating joints: places in the State's q
   std::vector<double> yShifted_, ydotShifted_, rates_, ratesShifted_;
   ArticularContactSubsystem::Counters otherCounters_;
   std::string failure_;
-  bool touched_ = false, fullPenetration_ = false, elementProblem_ = false;
+  bool touched_ = false, fullPenetration_ = false, elementProblem_ = false, gimbal_ = false;
 };
 
 }  // namespace genu::model

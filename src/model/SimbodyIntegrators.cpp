@@ -72,6 +72,7 @@ class SimbodyDriver : public OdeIntegrator {
   }
 
   double time() const override { return time_; }
+  void limitStep(double longest) override { integrator_->setMaximumStepSize(std::min(longest, 1e30)); }
 
   bool interpolate(double t, std::vector<double>& y) override {
     interpolateCubic(t, previousTime_, previousY_, previousRate_, time_, y_, rate_, y);

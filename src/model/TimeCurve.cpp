@@ -90,7 +90,13 @@ TimeCurve::TimeCurve(const scene::TimeFunction& function) {
 
 std::vector<double> TimeCurve::listBreaks() const {
   std::vector<double> breaks;
-  if (interpolation_ == scene::Interpolation::spline) return breaks;
+  if (interpolation_ == scene::Interpolation::spline) {
+    for (size_t i = 1; i + 1 < time_.size(); ++i) {
+      const double before = (second_[i] - second_[i - 1]) / (time_[i] - time_[i - 1]), after = (second_[i + 1] - second_[i]) / (time_[i + 1] - time_[i]);
+      if (std::abs(after - before) > 1e-9 * (std::abs(after) + std::abs(before))) breaks.push_back(time_[i]);
+    }
+    return breaks;
+  }
   const bool jumps = interpolation_ == scene::Interpolation::step;
   for (size_t i = 1; i + 1 < time_.size() || (jumps && i < time_.size()); ++i) {
     const double before = value_[i] - value_[i - 1];

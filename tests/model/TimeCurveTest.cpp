@@ -148,7 +148,9 @@ TEST(TimeCurve, LinesAndStepsGoThroughTheirRows) {
   EXPECT_EQ(steps.calcDerivative(1.5, 1), 0);
   EXPECT_EQ(steps.listBreaks(), (std::vector<double>{1, 2}));
   series.interpolation = scene::Interpolation::spline;
-  EXPECT_TRUE(TimeCurve(series).listBreaks().empty());
+  // Not-a-knot: no break in the row beside an end.
+  EXPECT_EQ(TimeCurve(series).listBreaks(), (std::vector<double>{2}));
+  EXPECT_TRUE(TimeCurve(3.0).listBreaks().empty());
 }
 
 TEST(TimeCurve, RejectsBadTablesNamingSourceAndRow) {

@@ -72,6 +72,8 @@ class OdeIntegrator {
   virtual double time() const = 0;
   /** Moves the stop time on after it was reached; what was learned of the motion is kept. @return false: initialize() anew */
   virtual bool continueTo(double /*stopTime*/) { return false; }
+  /** No step from here on may be longer; what has a fixed step takes it in parts. Infinity: no limit. */
+  virtual void limitStep(double /*longest*/) {}
   /** The component that stopped the last step, or limited it; -1: not known. */
   virtual int worstComponent() { return -1; }
   /** The solution inside the last step. */

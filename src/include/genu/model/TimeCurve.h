@@ -27,7 +27,7 @@ class TimeCurve {
   /** order 0, 1, 2 or 3; at a kink or jump, of what follows */
   double calcDerivative(double t_s, int order) const;
   scene::Interpolation interpolation() const { return interpolation_; }
-  /** Times of kinks (linear) or jumps (step); none for splines and constants. */
+  /** Times at which the curve jumps (step), has a kink (linear) or its third derivative jumps (spline). */
   std::vector<double> listBreaks() const;
 
   /** @throws InputError when the table does not reach from t0 to t1; `use` names what the table is for */
