@@ -1,6 +1,7 @@
 """python -m peers.contact GENU LIBRARY MODELS OUTPUT: one contact evaluation, a settle and the gait cycle with Genu, Drake and OpenSim.
 Writes OUTPUT/contact.md and contact.png; with --write also the section of docs/verification.md."""
 import argparse
+import json
 import os
 import pathlib
 import platform
@@ -8,11 +9,12 @@ import shutil
 
 from . import page, picture
 from .case import KneeCase
-from .report import Comparison
+from .report import Comparison, Row
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PAGE, PICTURE = ROOT / "docs" / "verification.md", ROOT / "docs" / "images" / "peers.png"
 PARTS = ("contact", "settle", "gait")
+KNEES = ("artificial_knee", "tka_dm")
 
 
 def processor():
@@ -24,47 +26,59 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     for name in ("genu", "library", "models", "output"):
         parser.add_argument(name, type=lambda p: pathlib.Path(p).resolve())
-    parser.add_argument("--part", choices=PARTS, action="append", help="only this; may be repeated")
-    parser.add_argument("--write", action="store_true", help="replace the section of docs/verification.md, and its picture; needs all parts")
+    parser.add_argument("--part", choices=PARTS, action="append", help="measure only this again; may be repeated. The others are as last measured")
+    parser.add_argument("--knee", choices=KNEES, action="append", help="only this; may be repeated")
+    parser.add_argument("--write", action="store_true", help="replace the section of docs/verification.md, and its picture")
     given = parser.parse_args()
-    parts = given.part or PARTS
     data = os.environ.get("GENU_DATA_DIR")
-    knees = [given.models / "artificial_knee/gait.yaml"]
-    measured, reasons = {}, []
-    try:
-        if not data:
-            raise FileNotFoundError("GENU_DATA_DIR is not set")
-        KneeCase(given.models / "tka_dm/gait.yaml")
-        knees.append(given.models / "tka_dm/gait.yaml")
-    except (FileNotFoundError, ValueError) as reason:
-        reasons.append(f"tka_dm is left out, see models/tka_dm/README.md: {reason}")
-        print(reasons[-1])
-    work = given.output / "work" / "contact"
-    for knee in knees:
-        name = knee.parent.name
-        comparison = Comparison(given.genu, given.library, work / name, pathlib.Path(data).resolve() if data else None)
-        got = measured[name] = {"versions": comparison.versions, "thickness_mm": 1e3 * KneeCase(knee).h_m}
-        for part in parts:
+    data = pathlib.Path(data).resolve() if data else None
+    kept = given.output / "work" / "contact"
+    for name in given.knee or KNEES:
+        knee = given.models / name / "gait.yaml"
+        try:
+            if name == "tka_dm" and data is None:
+                raise FileNotFoundError("GENU_DATA_DIR is not set")
+            case = KneeCase(knee)
+        except FileNotFoundError as reason:
+            print(f"{name} is left out, see models/{name}/README.md: {reason}")
+            continue
+        comparison = Comparison(given.genu, given.library, kept / name, data)
+        for part in given.part or PARTS:
             print(f"{name}: {part}", flush=True)
-            if part == "contact":
-                if name == "artificial_knee":
-                    got["sphere"], got["sphere_forces"] = comparison.sphere()
-                got["contact"] = comparison.knee(knee)
-            elif part == "settle":
-                got["settle"] = comparison.settle(knee)
+            got = {part: getattr(comparison, part)(knee)}
+            if part == "contact" and name == KNEES[0]:
+                got["sphere"], got["sphere_forces"] = comparison.sphere()
+            if part == "settle":
                 got["local_mm"] = comparison.local_mm
-            else:
-                got["gait"] = comparison.gait(knee)
-    text = page.write(measured, parts, processor(), reasons)
+            got["versions"], got["thickness_mm"] = comparison.versions, 1e3 * case.h_m
+            kept.mkdir(parents=True, exist_ok=True)
+            (kept / f"{name}_{part}.json").write_text(json.dumps(got, default=plain, indent=1))
+    measured = {}
+    for name in KNEES:
+        for part in PARTS:
+            if (kept / f"{name}_{part}.json").exists():
+                got = json.loads((kept / f"{name}_{part}.json").read_text())
+                for key in ("sphere", *PARTS):
+                    if key in got:
+                        got[key] = [Row.from_json(r) for r in got[key]]
+                versions = measured.get(name, {}).get("versions", {}) | got["versions"]
+                measured.setdefault(name, {}).update(got, versions=versions)
+    text = page.write(measured, processor())
     (given.output / "contact.md").write_text(text)
-    picture.draw(measured, given.output / "contact.png", work)
+    picture.draw(measured[KNEES[0]], given.output / "contact.png", kept)
     print(text)
     if given.write:
-        if set(parts) != set(PARTS):
-            parser.error("--write needs all parts")
+        missing = [p for p in PARTS if p not in measured[KNEES[0]]]
+        if missing:
+            parser.error(f"--write needs all parts; not measured yet: {', '.join(missing)}")
         PAGE.write_text(page.replace(PAGE.read_text(), text))
         if (given.output / "contact.png").exists():
             shutil.copy(given.output / "contact.png", PICTURE)
+
+
+def plain(value):
+    """For json: rows, and NumPy's numbers."""
+    return value.to_json() if isinstance(value, Row) else float(value)
 
 
 if __name__ == "__main__":

@@ -53,8 +53,6 @@ class Case:
     and forces."""
 
     length_m = 0.025
-    # Of the mesh in which Drake's pressure rises linearly, to K times this over h. More than any penetration; less than surfaces are curved.
-    field_depth_m = 0.001
 
     def set_material(self, E, nu):
         self.E, self.nu = E, nu

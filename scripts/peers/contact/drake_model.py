@@ -51,6 +51,17 @@ def _properties(set_hydroelastic):
     return properties
 
 
+def _deepest_layer(points, normals, h_m):
+    """The layer's mesh, as deep as h or the largest half, quarter, ... of it that the surface's curvature permits; its depth [m]. The modulus goes
+    with it, so that the pressure does not change."""
+    for depth in (h_m, h_m / 2, h_m / 4, h_m / 8):
+        try:
+            return *meshes.layer(points, normals, depth), depth
+        except ValueError as error:
+            reason = error
+    raise reason
+
+
 class DrakeModel:
     """time_step 0: continuous. No friction, no dissipation; damping: of joints [N s/m, N m s/rad], by name. welded: coordinates that are held
     at a value [m, rad]; driven: coordinates that follow a trajectory (curves by name), by stiff controllers which Drake treats implicitly.
@@ -104,11 +115,11 @@ class DrakeModel:
             plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(RotationMatrix.MakeXRotation(-np.pi / 2), [0, case.h_m, 0]), HalfSpace(),
                                             "layer", properties)
         for k, layer in enumerate([] if half_space else case.layers):
-            vertices, tetrahedra = meshes.layer(*layer.mesh(layer_edge_m or edge_m), case.field_depth_m)
+            vertices, tetrahedra, depth = _deepest_layer(*layer.mesh(layer_edge_m or edge_m), case.h_m)
             file = folder / f"layer_{k}.vtk"
             meshes.write_vtk(file, vertices, tetrahedra)
             self.tetrahedra += len(tetrahedra)
-            self._add(plant.world_body(), file, f"layer_{k}", lambda p: AddCompliantHydroelasticProperties(1.0, case.K_Pa * case.field_depth_m / case.h_m, p))
+            self._add(plant.world_body(), file, f"layer_{k}", lambda p: AddCompliantHydroelasticProperties(1.0, case.K_Pa * depth / case.h_m, p))
         for k, moving in enumerate(case.moving):
             vertices, triangles = meshes.sheet(*moving.mesh(edge_m))
             file = folder / f"moving_{k}.obj"

@@ -57,7 +57,7 @@ def _residual(pose, load, scene, t):
     return [float(force[1]), float(force[2]), float(moment[0] / 0.025)]
 
 
-def drake_settle(file, data, folder, edge_m, t, start, step_s, still=1e-6, longest_s=5.0):
+def drake_settle(file, data, folder, edge_m, t, start, step_s, still=1e-6, longest_s=1.0):
     """Discrete steps with damped joints until the speed is below `still` [m/s]."""
     from pydrake.systems.analysis import Simulator
 
@@ -149,7 +149,7 @@ def _opensim_load(model, program, scene, constant_at=None):
     model.model.addForce(force)
 
 
-def opensim_settle(file, data, folder, edge_m, t, start, accuracy=1e-4, still=1e-6, longest_s=5.0):
+def opensim_settle(file, data, folder, edge_m, t, start, accuracy=1e-4, method="RungeKuttaMerson", still=1e-6, longest_s=2.0):
     """Runge-Kutta-Merson with damped coordinates until the speed is below `still`. Prescribed coordinates are held."""
     import opensim as program
 
@@ -163,7 +163,7 @@ def opensim_settle(file, data, folder, edge_m, t, start, accuracy=1e-4, still=1e
     model.start()
     model.place(_start(start, case, scene, t))
     manager = program.Manager(model.model)
-    manager.setIntegratorMethod(program.Manager.IntegratorMethod_RungeKuttaMerson)
+    manager.setIntegratorMethod(getattr(program.Manager, f"IntegratorMethod_{method}"))
     manager.setIntegratorAccuracy(accuracy)
     manager.setWriteToStorage(False)
     begin = time.process_time()

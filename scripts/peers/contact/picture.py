@@ -8,8 +8,7 @@ PANELS = (("contact", "own", "One contact evaluation", "force error, own limit [
           ("gait", "pose", "Gait, 1 s", "pose error [mm]", 1.0, "time [s]", None))
 
 
-def draw(measured, file, work):
-    got = measured["artificial_knee"]
+def draw(got, file, work):
     panels = [p for p in PANELS if p[0] in got]
     if not panels:
         return
@@ -17,7 +16,7 @@ def draw(measured, file, work):
         print("no picture: there is no gnuplot")
         return
     script = [f"set terminal pngcairo size {480 * len(panels)},420 font 'sans,10'", f"set output '{file}'", f"set multiplot layout 1,{len(panels)}",
-              "set logscale xy", "set grid", "set format '%g'", "set key top right"]
+              "set logscale xy", "set grid", "set format '%g'", "set key outside bottom center horizontal"]
     for part, error, title, y, scale, x, _ in panels:
         script += [f"set title '{title}'", f"set xlabel 'processor {x}'", f"set ylabel '{y}'"]
         plots = []
