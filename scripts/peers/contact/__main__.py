@@ -29,11 +29,12 @@ def main():
     parser.add_argument("--part", choices=PARTS, action="append", help="measure only this again; may be repeated. The others are as last measured")
     parser.add_argument("--knee", choices=KNEES, action="append", help="only this; may be repeated")
     parser.add_argument("--write", action="store_true", help="replace the section of docs/verification.md, and its picture")
+    parser.add_argument("--measured", action="store_true", help="measure nothing: the page and picture of what was measured last")
     given = parser.parse_args()
     data = os.environ.get("GENU_DATA_DIR")
     data = pathlib.Path(data).resolve() if data else None
     kept = given.output / "work" / "contact"
-    for name in given.knee or KNEES:
+    for name in [] if given.measured else given.knee or KNEES:
         knee = given.models / name / "gait.yaml"
         try:
             if name == "tka_dm" and data is None:

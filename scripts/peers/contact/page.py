@@ -26,7 +26,13 @@ def _rows(rows, errors, extra, unit, scale):
     header = ["Program", "Setting", f"Time [{unit}]"] + [h for _, h in errors] + [h for _, h in extra] + [""]
     show = lambda v: "–" if v is None else v if isinstance(v, str) else str(v) if isinstance(v, int) else number(v)
     return table(header, [[r.program, r.setting, "–" if r.time_s is None else number(scale * r.time_s, 3)] + [number(r.errors.get(k)) for k, _ in errors] +
-                          [show(r.more.get(k)) for k, _ in extra] + [r.note.replace("|", "\\|")] for r in rows])
+                          [show(r.more.get(k)) for k, _ in extra] + [_note(r)] for r in rows])
+
+
+def _note(row):
+    if row.errors.get("pose", 0) > 10:
+        return "falls through the layer"
+    return row.note.replace("|", "\\|")
 
 
 def _details(summary, lines):
@@ -56,14 +62,14 @@ def write(measured, processor):
         lines += ["### Settle", "", "From 1 mm above the equilibrium at the largest load, y, z and rx free, the others held. Pose error: largest of y, z and 25 mm times rx against "
                   "Genu on 240 x 240 elements; it holds the differences of model. Genu's time: mean of ten runs.", ""]
         for name, got in ((n, m) for n, m in measured.items() if "settle" in m):
-            lines += [f"At equal error, {TITLES[name]}:", ""] + equal_error(got["settle"], "pose", (0.05, 0.02, 0.01, 0.005, 0.002), "mm", 1e3)
+            lines += [f"At equal error, {TITLES[name]}:", ""] + equal_error(got["settle"], "pose", (0.02, 0.01, 0.005, 0.002, 0.001), "mm", 1e3)
             lines += _details("all settings", _rows(got["settle"], [("pose", "Pose error [mm]"), ("y", "y"), ("z", "z"), ("rx", "rx")],
                                                     [("steps", "Work"), ("residual_N", "Residual [N]")], "ms", 1e3))
     if any("gait" in m for m in measured.values()):
         lines += ["### Gait cycle", "", "One second; each program starts from its own equilibrium, with Genu's rates. Errors: largest over 100 output times, against Genu with accuracy 1e-6 on "
                   "120 x 120 elements; they hold the differences of model. Force: vertical, of a compartment. Genu's time: mean of three runs.", ""]
         for name, got in ((n, m) for n, m in measured.items() if "gait" in m):
-            lines += [f"At equal error, {TITLES[name]}:", ""] + equal_error(got["gait"], "pose", (0.05, 0.02, 0.01, 0.007, 0.005), "mm", 1e3)
+            lines += [f"At equal error, {TITLES[name]}:", ""] + equal_error(got["gait"], "pose", (0.1, 0.05, 0.02, 0.01, 0.007, 0.005), "mm", 1e3)
             lines += _details("all settings", _rows(got["gait"], [("pose", "Pose error [mm]"), ("y", "y"), ("z", "z"), ("rx", "rx"), ("force", "Force error [N]")],
                                                     [("steps", "Steps"), ("follow_mm", "Follows within [mm]")], "ms", 1e3))
     lines += ["### What the ratios say, and what not", "",

@@ -3,9 +3,9 @@ import shutil
 import subprocess
 
 COLOURS = {"Genu": ("#0060ad", 7), "Drake": ("#dd181f", 5), "OpenSim": ("#2e8b57", 9)}
-PANELS = (("contact", "own", "One contact evaluation", "force error, own limit [%]", 1e3, "time [ms]", "1e-5:50"),
-          ("settle", "pose", "Settle", "pose error [mm]", 1.0, "time [s]", None),
-          ("gait", "pose", "Gait, 1 s", "pose error [mm]", 1.0, "time [s]", None))
+PANELS = (("contact", "own", "One contact evaluation", "force error, own limit [%]", 1e3, "time [ms]"),
+          ("settle", "pose", "Settle", "pose error [mm]", 1.0, "time [s]"),
+          ("gait", "pose", "Gait, 1 s", "pose error [mm]", 1.0, "time [s]"))
 
 
 def draw(got, file, work):
@@ -17,7 +17,7 @@ def draw(got, file, work):
         return
     script = [f"set terminal pngcairo size {480 * len(panels)},420 font 'sans,10'", f"set output '{file}'", f"set multiplot layout 1,{len(panels)}",
               "set logscale xy", "set grid", "set format '%g'", "set key outside bottom center horizontal"]
-    for part, error, title, y, scale, x, _ in panels:
+    for part, error, title, y, scale, x in panels:
         script += [f"set title '{title}'", f"set xlabel 'processor {x}'", f"set ylabel '{y}'"]
         plots = []
         for program, (colour, point) in COLOURS.items():
