@@ -13,6 +13,7 @@ from .report import Comparison, Row
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PAGE, PICTURE = ROOT / "docs" / "verification.md", ROOT / "docs" / "images" / "peers.png"
+PEERS = ("Drake", "OpenSim")
 PARTS = ("contact", "settle", "gait")
 KNEES = ("artificial_knee", "tka_dm")
 
@@ -28,6 +29,7 @@ def main():
         parser.add_argument(name, type=lambda p: pathlib.Path(p).resolve())
     parser.add_argument("--part", choices=PARTS, action="append", help="measure only this again; may be repeated. The others are as last measured")
     parser.add_argument("--knee", choices=KNEES, action="append", help="only this; may be repeated")
+    parser.add_argument("--peer", choices=PEERS, action="append", help="run only this; rows of the other are those measured last")
     parser.add_argument("--write", action="store_true", help="replace the section of docs/verification.md, and its picture")
     parser.add_argument("--measured", action="store_true", help="measure nothing: the page and picture of what was measured last")
     given = parser.parse_args()
@@ -43,7 +45,8 @@ def main():
         except FileNotFoundError as reason:
             print(f"{name} is left out, see models/{name}/README.md: {reason}")
             continue
-        comparison = Comparison(given.genu, given.library, kept / name, data)
+        peers = given.peer or PEERS
+        comparison = Comparison(given.genu, given.library, kept / name, data, peers)
         for part in given.part or PARTS:
             print(f"{name}: {part}", flush=True)
             got = {part: getattr(comparison, part)(knee)}
@@ -53,6 +56,7 @@ def main():
                 got["local_mm"] = comparison.local_mm
             got["versions"], got["thickness_mm"] = comparison.versions, 1e3 * case.h_m
             kept.mkdir(parents=True, exist_ok=True)
+            _keep_others(got, kept / f"{name}_{part}.json", [p for p in PEERS if p not in peers])
             (kept / f"{name}_{part}.json").write_text(json.dumps(got, default=plain, indent=1))
     measured = {}
     for name in KNEES:
@@ -75,6 +79,16 @@ def main():
         PAGE.write_text(page.replace(PAGE.read_text(), text))
         if (given.output / "contact.png").exists():
             shutil.copy(given.output / "contact.png", PICTURE)
+
+
+def _keep_others(got, file, others):
+    """Adds the rows of the peers that did not run now, from the last time; one that never ran gets a row that says so."""
+    last = json.loads(file.read_text()) if file.exists() else {}
+    for key in ("sphere", *PARTS):
+        for peer in others if key in got else ():
+            rows = [Row.from_json(r) for r in last.get(key, []) if r["program"].split()[0] == peer]
+            got[key] += rows or [Row(peer, "–", note="not run")]
+    got["versions"] = last.get("versions", {}) | got["versions"]
 
 
 def plain(value):

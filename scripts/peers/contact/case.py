@@ -89,7 +89,7 @@ class SphereCase(Case):
 
 
 def _inside(rectangle, patch):
-    """The rectangle, or what of it the patch covers: Genu leaves cells beside the surface out, a mesh must end there."""
+    """The rectangle, or a smaller one that the patch covers wholly, as a mesh needs it; Genu then computes on the same."""
     x0, x1, z0, z1 = rectangle
     for shrink in np.arange(0, 5e-3, 0.5e-3):
         r = (x0 + shrink, x1 - shrink, z0 + shrink, z1 - shrink)
@@ -121,12 +121,11 @@ class KneeCase(Case):
         for name, c in contact["compartments"].items():
             fixed, moving = c.get("fixed", contact["fixed"].get("surface")), c.get("moving", contact["moving"].get("surface"))
             rectangle = quantities(c["rectangle"])
-            self.compartments.append((name, fixed, moving, rectangle))
             middle = 0.5 * (rectangle[2] + rectangle[3])
-            for patch in patches[fixed]:
-                z = patch.points[..., 2]
-                if z.min() < middle < z.max():
-                    self.layers.append(Layer(name, _inside(rectangle, patch), patch))
+            patch = next(p for p in patches[fixed] if p.points[..., 2].min() < middle < p.points[..., 2].max())
+            rectangle = _inside(rectangle, patch)
+            self.compartments.append((name, fixed, moving, rectangle))
+            self.layers.append(Layer(name, rectangle, patch))
             if moving not in used:
                 used.add(moving)
                 self.moving += [PatchSheet(p) for p in patches[moving]]
@@ -134,7 +133,7 @@ class KneeCase(Case):
         self.patches = patches
 
     def write_scene(self, file, local_thickness=False, start=None, **changes):
-        """The scene with absolute paths, the constant thickness, starting values of free coordinates and the
+        """The scene with absolute paths, the meshed rectangles, the constant thickness, starting values of free coordinates and the
         given sections of `analysis`. Returns the file."""
         given = yaml.safe_load(self.file.read_text())
         for s in given["surfaces"].values():
@@ -153,6 +152,8 @@ class KneeCase(Case):
 
         absolute(given)
         for contact in given["contact"].values():
+            for name, _, _, rectangle in self.compartments:
+                contact["compartments"][name]["rectangle"] = ", ".join(f"{1e3 * v:.12g} mm" for v in rectangle)
             if not local_thickness:
                 contact["fixed"]["thickness"] = f"{1e3 * self.h_m:.12g} mm"
         for name, value in (start or {}).items():

@@ -51,7 +51,7 @@ def write(measured, processor):
              "![Error against time, artificial knee](images/peers.png)", "",
              f"The layer's thickness is constant in all programs, {first['thickness_mm']:.3g} mm, that of the insert's thinnest place" +
              (f" (tka_dm {measured['tka_dm']['thickness_mm']:.3g} mm)" if "tka_dm" in measured else "") +
-             ": neither peer has a local one. Differences of model that remain:", ""]
+             ": neither peer has a local one. Where a surface does not cover a compartment's rectangle, all programs take the largest smaller one that it covers (tka_dm). Differences of model that remain:", ""]
     lines += table(["", "Genu", "Drake", "OpenSim"], DIFFERENCES)
     if "local_mm" in first:
         lines += [f"The constant thickness itself moves Genu's equilibrium at the largest load by {number(1e3 * first['local_mm']['y'])} um in y, "
@@ -62,7 +62,7 @@ def write(measured, processor):
         lines += ["### Settle", "", "From 1 mm above the equilibrium at the largest load, y, z and rx free, the others held. Pose error: largest of y, z and 25 mm times rx against "
                   "Genu on 240 x 240 elements; it holds the differences of model. Genu's time: mean of ten runs.", ""]
         for name, got in ((n, m) for n, m in measured.items() if "settle" in m):
-            lines += [f"At equal error, {TITLES[name]}:", ""] + equal_error(got["settle"], "pose", (0.02, 0.01, 0.005, 0.002, 0.001), "mm", 1e3)
+            lines += [f"At equal error, {TITLES[name]}:", ""] + equal_error(got["settle"], "pose", (0.05, 0.02, 0.01, 0.005, 0.002, 0.001), "mm", 1e3)
             lines += _details("all settings", _rows(got["settle"], [("pose", "Pose error [mm]"), ("y", "y"), ("z", "z"), ("rx", "rx")],
                                                     [("steps", "Work"), ("residual_N", "Residual [N]")], "ms", 1e3))
     if any("gait" in m for m in measured.values()):

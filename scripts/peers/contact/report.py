@@ -81,7 +81,10 @@ def _limit_of(measured):
 
 
 class Comparison:
-    def __init__(self, genu, library, work, data):
+    """peers: those that run; a table says which did not."""
+
+    def __init__(self, genu, library, work, data, peers=("Drake", "OpenSim")):
+        self.peers = peers
         self.program, self.library, self.work, self.data = Program(genu, data), str(library), work, data
         self.versions = {}
 
@@ -106,6 +109,8 @@ class Comparison:
             rows.append(Row("Genu", r["setting"], r["time_s"], errors, size=r["size"], build_s=r["build_s"]))
         runs = [("Drake", "measure:drake", {})] + list(halves) + [("OpenSim", "measure:opensim", {})]
         for program, task, options in runs:
+            if program.split()[0] not in self.peers:
+                continue
             measured = []
             for edge in edges:
                 try:
@@ -177,6 +182,8 @@ class Comparison:
         return rows
 
     def _settle_row(self, rows, program, setting, task, reference, case, **arguments):
+        if program not in self.peers:
+            return
         try:
             r = self._job(task, f"settle_{program}", data=str(self.data) if self.data else None, **arguments)
             steps = f"{r['steps']} steps" if "steps" in r else f"{r['simulated_s']:.2g} s simulated"
@@ -235,6 +242,8 @@ class Comparison:
 
     def _gait_rows(self, rows, program, task, edge, settings, errors, above, settle, common):
         """Each starts from the program's own equilibrium on the same mesh: the start makes no vibration."""
+        if program not in self.peers:
+            return
         try:
             rest = self._job(task.replace("gait", "settle"), f"gait_{program}", file=common["file"], data=common["data"], edge_m=edge, t=0.0, start=above,
                              **settle)
