@@ -21,7 +21,7 @@ def draw(got, file, work):
         script += [f"set title '{title}'", f"set xlabel 'processor {x}'", f"set ylabel '{y}'"]
         plots = []
         for program, (colour, point) in COLOURS.items():
-            rows = [r for r in got[part] if r.program == program and r.time_s and r.errors.get(error)]
+            rows = [r for r in got[part] if r.program == program and r.time_s and 0 < (r.errors.get(error) or 0) < 100]
             if not rows:
                 continue
             data = work / f"{part}_{program}.txt"
