@@ -13,7 +13,7 @@ from .rotation import Pose, from_body_xyz, from_fixed_xyz
 
 _UNITS = {
     "": 1.0, "1": 1.0, "%": 0.01, "m": 1.0, "mm": 1e-3, "rad": 1.0, "deg": math.pi / 180, "s": 1.0, "ms": 1e-3, "N": 1.0, "kN": 1e3,
-    "N/m": 1.0, "N/mm": 1e3, "N s/m": 1.0, "N m s/rad": 1.0, "1/s": 1.0, "m/s^2": 1.0,
+    "N/m": 1.0, "N/mm": 1e3, "N s/m": 1.0, "N m s/rad": 1.0, "1/s": 1.0, "m/s^2": 1.0, "MPa": 1e6, "percent": 0.01,
 }
 
 
