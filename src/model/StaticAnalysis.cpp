@@ -176,7 +176,8 @@ bool Settling::touches(const Lowering& lowering) const {
 }
 
 /** Lowers the moving body along y until it touches. A signed distance changes by at most the move, so moving by the
- smallest one never overshoots; the last move presses one element in by 1 um. */
+ smallest one never overshoots; the last move presses one element in by 1 um. Bodies that slide past each other close it slowly: then by the secant of the last two, which for
+ convex bodies does not overshoot either (a chord of a convex function, prolonged, is below it), as long as that leaves a valid pose. */
 void Settling::closeGap(VectorXd& z, const Lowering& lowering) {
   constexpr double kTouch_m = 1e-6;
   const int y = lowering.y;
@@ -188,13 +189,23 @@ void Settling::closeGap(VectorXd& z, const Lowering& lowering) {
                      "the moving surface encloses the fixed one although it lies above it: its normals are inverted; "
                      "flip them (flip_normals)");
   }
+  constexpr double kMostRatio = 20;
+  double lastGap = 0, lastMove = 0;
   while (z[y] > lowest) {
     if (!mayContinue(0)) return;
     const double gap = findGap(z, lowering);
     if (gap == kInfinity) break;
-    z[y] -= std::max(gap, 0.0) + kTouch_m;
+    const double least = std::max(gap, 0.0) + kTouch_m;
+    const double ratio = lastGap > gap && gap > 0 ? std::clamp(lastMove / (lastGap - gap), 1.0, kMostRatio) : 1;
+    lastMove = std::max(gap, 0.0) * ratio + kTouch_m;
+    lastGap = gap;
+    z[y] -= lastMove;
     VectorXd r;
-    dynamics_.calcStaticForce(z, r);
+    if (!ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r)) && ratio > 1) {
+      z[y] += lastMove - least;
+      lastMove = least;
+      dynamics_.calcStaticForce(z, r);
+    }
     if (touches(lowering)) return;
   }
   throw ComputationError(where() +
