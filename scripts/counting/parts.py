@@ -96,7 +96,7 @@ def contact_parts():
                       .function(CONTACT / "SmoothRule.cpp", "bool detail::calcThicknessSlopeInM(", "void addStiffness(", "static bool calcThicknessSlope(")),
         "damping": ("damping", Code().block(KERNEL, "if (g.damping_sPerM > 0) {", "if (damped && f.factor > 0) {")
                     .block(PAIR, "if (damped) {").function(PAIR, "Matrix6 calcMotionChange(")),
-        "energy": ("energy", Code().block(KERNEL, "if (withEnergy) {").function(LAW, "void calcLawMoments(", "void calcPointMoments(", "void calcLineMoments(")),
+        "energy": ("energy", Code().function(LAW, "void calcLawMoments(", "void calcPointMoments(", "void calcLineMoments(", "void respond(")),
         "energy_gradient": ("force from the gradient of the energy", Code().file(detail / "EnergyKernel.inl").file(CONTACT / "EnergyRule.cpp")),
         "fields": ("fields of every element", Code().function(PAIR, "ContactPair::calcFields(").function(CONTACT / "SmoothRule.cpp", "void ContactPair::Impl::findActive(")),
         "ray": ("distance by ray firing", Code().file(CONTACT / "RayQuery.cpp").file(detail / "RayKernel.inl")
