@@ -326,8 +326,10 @@ void explainLeftOut(const Built& built) {
   if (all([](const Definition& d) { return d.rule == contact::ContactRule::centre; })) {
     left.emplace_back("integration over parts of cells, contact stiffness: the rule counts whole cells");
   }
-  if (all([](const Definition& d) { return d.material.law == contact::MaterialLaw::linear && !d.movingMaterial; }))
+  const auto isLinear = [](const contact::Material& m) { return m.law == contact::MaterialLaw::linear; };
+  if (all([&](const Definition& d) { return isLinear(d.material) && (!d.movingMaterial || isLinear(*d.movingMaterial)); })) {
     left.emplace_back("power law: the law is linear");
+  }
   if (all([](const Definition& d) { return d.strain == contact::StrainMeasure::small; })) left.emplace_back("logarithmic strain: the strain is small");
   if (all([](const Definition& d) { return d.gridOn == contact::GridOn::fixed; })) left.emplace_back("grid on the moving body: the fixed body carries it");
   if (scene.contacts.size() == 1) left.emplace_back("further contacts (a patella's, for example): one is given");
