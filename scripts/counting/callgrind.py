@@ -54,6 +54,7 @@ class Profile:
         return self.per_evaluation(count)
 
     def calls_of(self, pattern):
+        """By evaluation, and a fraction for calls before counting began, which callgrind counts too."""
         return sum(n for name, n in self.calls.items() if pattern.search(name)) / self.evaluations
 
 
