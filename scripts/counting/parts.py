@@ -103,7 +103,7 @@ def contact_parts():
                 .function(CONTACT / "SmoothRule.cpp", "void fireRays(")),
         "search": ("breadth-first search", Code().function(CONTACT / "SmoothRule.cpp", "void search() {")),
         "grid_on_moving": ("grid on the femur", Code().file(CONTACT / "GridOnMoving.cpp")),
-        "threads": ("two threads", Code().library(r"/libtbb\.", r"/libgenu_contact_threads\.").named(r"genu::contact::Threads::")),
+        "threads": ("two threads (instructions of the caller's, which vary)", Code().library(r"/libtbb\.", r"/libgenu_contact_threads\.").named(r"genu::contact::Threads::")),
     }
 
 
