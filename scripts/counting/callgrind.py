@@ -15,7 +15,7 @@ class Profile:
         self.lines, self.functions, self.objects, self.calls = (collections.Counter() for _ in range(4))
         self.total = 0
         file = function = library = ""
-        called = None
+        called, is_call = None, False
         for line in text.splitlines():
             key, equals, value = line.partition("=")
             if equals and key in ("fl", "fi", "fe"):
