@@ -112,6 +112,7 @@ std::string describe(const musculoskeletal::WrapSurface& surface) {
 }
 
 bool isRigid(const contact::Thickness& t) { return std::holds_alternative<contact::RigidBody>(t.source); }
+bool hasBack(const contact::Thickness& t) { return std::holds_alternative<contact::BackSurface>(t.source); }
 bool needsMap(const contact::Thickness& t) {
   return std::holds_alternative<contact::BackSurface>(t.source) || std::holds_alternative<contact::RadialThickness>(t.source);
 }
@@ -282,6 +283,14 @@ void explainLeftOut(const Built& built) {
   if (all([](const Definition& d) { return !needsMap(d.gridOn == contact::GridOn::fixed ? d.movingThickness : d.fixedThickness); })) {
     left.emplace_back("thickness map of the body without elements: its layer comes from no back surface");
   }
+  if (all([](const Definition& d) { return !hasBack(d.movingThickness) && !hasBack(d.fixedThickness); })) {
+    left.emplace_back("back surfaces: no layer is measured to one");
+  }
+  for (const bool moving : {false, true}) {
+    if (all([moving](const Definition& d) { return isRigid(moving ? d.movingThickness : d.fixedThickness); })) {
+      left.emplace_back(fmt::format("thickness of the {} body: it is rigid", moving ? "moving" : "fixed"));
+    }
+  }
   if (all([](const Definition& d) { return isRigid(d.movingThickness) || isRigid(d.fixedThickness); })) {
     left.emplace_back("sum of two layers: one body is rigid");
   }
@@ -317,7 +326,19 @@ void explainLeftOut(const Built& built) {
   if (all([](const Definition& d) { return d.rule == contact::ContactRule::centre; })) {
     left.emplace_back("integration over parts of cells, contact stiffness: the rule counts whole cells");
   }
+  const auto isLinear = [](const contact::Material& m) { return m.law == contact::MaterialLaw::linear; };
+  if (all([&](const Definition& d) { return isLinear(d.material) && (!d.movingMaterial || isLinear(*d.movingMaterial)); })) {
+    left.emplace_back("power law: the law is linear");
+  }
+  if (all([](const Definition& d) { return d.strain == contact::StrainMeasure::small; })) left.emplace_back("logarithmic strain: the strain is small");
+  if (all([](const Definition& d) { return d.gridOn == contact::GridOn::fixed; })) left.emplace_back("grid on the moving body: the fixed body carries it");
+  if (scene.contacts.size() == 1) left.emplace_back("further contacts (a patella's, for example): one is given");
   left.emplace_back("contact energy and fields of single elements: computed for outputs only, not while integrating");
+  if (all([](const Definition& d) { return d.rule == contact::ContactRule::smooth; })) {
+    left.emplace_back(scene.model ? "contact stiffness: computed for Newton's method and Jacobians only, not with forces"
+                                  : "contact stiffness: nothing here seeks equilibrium or integrates");
+  }
+  left.emplace_back(hasThreads() ? "threads: the caller's alone, unless --threads asks for more" : "threads: this build has none but the caller's");
   if (!scene.model) {
     left.emplace_back("bodies, joint, loads and time integration: the scene has no model");
   } else {

@@ -370,8 +370,10 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
     for (NetLoad& load : r.compartments) mapLoadFromM(w.X_FM, load);
   }
   r.total = sumLoads(r.compartments);
-  r.stiffness.setZero();
-  r.damping.setZero();
+  if (options.withStiffness || w.storedWithStiffness) {
+    r.stiffness.setZero();
+    r.damping.setZero();
+  }
   if (options.withStiffness) {
     if (gridOnMoving) mapStiffnessFromM(w.X_FM, v_F, w_F, r.total.forceOnM_F, r.total.momentOnM_Fo_F, task.byMotion, task.byRate);
     const Matrix6 motion = calcMotionOfCoordinates(q);
@@ -383,8 +385,8 @@ void ContactPair::evaluate(const JointCoordinates& q, const JointCoordinates& qd
   }
   // Lengths or moduli whose products overflow.
   const bool overflow = !r.total.forceOnM_F.allFinite() || !r.total.momentOnM_Fo_F.allFinite() || !std::isfinite(r.total.scalarForce_N) ||
-                        !std::isfinite(r.total.energy_J) || !std::isfinite(r.total.peakPressure_Pa) || !r.stiffness.allFinite() ||
-                        !r.damping.allFinite();
+                        !std::isfinite(r.total.energy_J) || !std::isfinite(r.total.peakPressure_Pa) ||
+                        (options.withStiffness && (!r.stiffness.allFinite() || !r.damping.allFinite()));
   const bool failed = r.total.notConvergedQueries > 0 || r.total.unresolvedCompartments > 0 || overflow;
   r.status = failed                                ? EvaluationStatus::notConverged
              : r.total.fullPenetrationElements > 0 ? EvaluationStatus::fullPenetration

@@ -317,8 +317,12 @@ class SmoothEvaluation {
   int numNodes() const { return static_cast<int>(memory_.numNodes); }
   void addStiffness(Matrix6& byMotion, Matrix6& byRate) const {
     using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
-    byMotion += gradient_.byMotion + Eigen::Map<const Rows>(stiffness_.byMotion).leftCols<6>();
-    byRate += Eigen::Map<const Rows>(stiffness_.byRate).leftCols<6>();
+    if (isGradient()) {
+      byMotion += gradient_.byMotion;
+    } else {
+      byMotion += Eigen::Map<const Rows>(stiffness_.byMotion).leftCols<6>();
+      byRate += Eigen::Map<const Rows>(stiffness_.byRate).leftCols<6>();
+    }
   }
 
  private:
@@ -640,7 +644,7 @@ class SmoothEvaluation {
   const bool byRay_;
   size_t firstNode_ = 0;
   CellGrid grid_{};
-  StiffnessSums stiffness_{};
+  StiffnessSums stiffness_;  // set by sum() where they are asked for
   EnergyGradient gradient_;
 };
 

@@ -21,15 +21,15 @@ def digits(number, count):
     return f"{rounded:.{max(0, places)}f}"
 
 
-def begin(name):
-    return f"<!-- {name}: scripts/compare_with_paper --write -->"
+def begin(name, script="scripts/compare_with_paper"):
+    return f"<!-- {name}: {script} --write -->"
 
 
-def replace(page, sections):
+def replace(page, sections, script="scripts/compare_with_paper"):
     """The page with the text of each section between its marker and the next end."""
     for name, text in sections.items():
-        pattern = re.compile("(" + re.escape(begin(name)) + ").*?(<!-- end -->)", re.DOTALL)
+        pattern = re.compile("(" + re.escape(begin(name, script)) + ").*?(<!-- end -->)", re.DOTALL)
         page, count = pattern.subn(lambda m: m.group(1) + "\n\n" + text + "\n\n" + m.group(2), page)
         if count != 1:
-            sys.exit(f"compare_with_paper: the page needs one {begin(name)} with <!-- end --> after it, and has {count}")
+            sys.exit(f"{script}: the page needs one {begin(name, script)} with <!-- end --> after it, and has {count}")
     return page

@@ -261,6 +261,36 @@ TEST_F(Runs, ExplainTellsHowContactIsEvaluated) {
   EXPECT_THAT(energy.out, ::testing::Not(HasSubstr("gradient of the energy: no")));
 }
 
+// Every optional part is named while it is out, and no longer when it is in.
+TEST_F(Runs, ExplainNamesEveryPartLeftOut) {
+  const auto leftOut = [&](const std::string& scene) {
+    write("part.yaml", scene);
+    const Outcome outcome = run({"explain", "part.yaml"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.err;
+    return outcome.out.substr(std::min(outcome.out.find("Left out"), outcome.out.size()));
+  };
+  const std::string material = "    material: polyethylene\n";
+  const auto withContact = [&](const std::string& lines) { return replaced(kKnee, material, material + lines); };
+  const std::string minimal = leftOut(kKnee);
+  for (const char* part :
+       {"back surfaces: ", "thickness of the moving body: it is rigid", "power law: ", "root finding for the pressure: ", "logarithmic strain: ",
+        "contact stiffness: ", "damping of the contact: ", "contact energy and fields of single elements: ", "gradient of the energy: ",
+        "threads: ", "ligaments: none given", "springs: none given", "muscles: none given", "wrapping: ", "further contacts (a patella's"}) {
+    EXPECT_THAT(minimal, HasSubstr(part));
+  }
+  EXPECT_THAT(minimal, ::testing::Not(HasSubstr("thickness of the fixed body")));
+  EXPECT_THAT(leftOut(withContact("    strain: large\n")), ::testing::Not(HasSubstr("logarithmic strain: ")));
+  EXPECT_THAT(leftOut(withContact("    damping: 0.5 s/m\n")), ::testing::Not(HasSubstr("damping of the contact: ")));
+  EXPECT_THAT(leftOut(withContact("    correction: energy\n")), ::testing::Not(HasSubstr("gradient of the energy: ")));
+  const std::string centre = leftOut(withContact("    rule: centre\n"));
+  EXPECT_THAT(centre, HasSubstr("contact stiffness: the rule counts whole cells"));
+  const std::string ligament = leftOut(
+      std::string(kKnee) +
+      "ligaments: {a: {stiffness: 2000 N, slack: {length: 50 mm}, path: [{body: tibia, at: \"0 mm, 0 mm, 0 mm\"}, {body: femur, at: \"0 mm, 10 mm, 0 mm\"}]}}\n");
+  EXPECT_THAT(ligament, ::testing::Not(HasSubstr("ligaments: none given")));
+  EXPECT_THAT(ligament, HasSubstr("muscles: none given"));
+}
+
 TEST_F(Runs, DampingActsInGaitAndNotInStatic) {
   write("damped.yaml", replaced(kKnee, "    material: polyethylene\n", "    material: polyethylene\n    damping: 20 s/m\n"));
   const auto finalForce = [&](const char* command, const char* scene, const char* folder) {

@@ -6,8 +6,9 @@
 //              two whole evaluations, least_ns is their difference: all of the shortest repeats; "Time" is the mean.
 // contact/...  the contact force in the same measure, for scale.
 // Time is processor time. Counters that end in _err are errors; against what, stands beside each case.
-//   element_benchmark --count none|ligament|two_ligaments|spring|muscle|wrapped
-// evaluates the artificial knee with these elements kCounted times, for scripts/count_instructions.
+//   element_benchmark --count none|ligament|two_ligaments|spring|muscle|wrapped|second_contact
+// evaluates the artificial knee with these elements, or with its contact twice as if a patella touched too, kCounted times, for
+// scripts/count_instructions.
 //   element_benchmark --write-scenes FOLDER
 // writes the scenes of force/..., each with one copy, for scripts/compare_peers.
 
@@ -648,11 +649,17 @@ int count(const std::string& what) {
         "25 mm, 3 mm\"}}\n";
     rest += "ligaments: {a: {stiffness: 2000 N, slack: {length: 20 mm}, path: " + over + "}}\n";
   }
-  if (what != "none" && rest == "\n") {
-    std::cerr << "error: --count " << what << "; allowed: none, ligament, two_ligaments, spring, muscle, wrapped\n";
+  const bool twice = what == "second_contact";
+  if (what != "none" && !twice && rest == "\n") {
+    std::cerr << "error: --count " << what << "; allowed: none, ligament, two_ligaments, spring, muscle, wrapped, second_contact\n";
     return 2;
   }
-  Model m(readArtificialKnee(0, rest));
+  scene::Scene scene = readArtificialKnee(0, rest);
+  if (twice) {
+    scene.contacts.push_back(scene.contacts.front());
+    scene.contacts.back().name = "second";
+  }
+  Model m(scene);
   const std::vector<double> middle = {8.6e-4, 0,       -0.2618,
                                       -0.005, 0.04353, 0};  // near the static pose: 204 active elements
   genuCountedEvaluations(&m, middle.data(), 0, 0);          // none: makes the name known before counting starts

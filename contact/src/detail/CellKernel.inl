@@ -208,11 +208,7 @@ void integrateAs(const CellGrid& g, const LawView& law, const CellTask* tasks, i
     const double area[kSmooth] = {m.area[0], m.area[1], m.area[2], m.area[3], m.area[5]};
     spreadSmooth<4>(m.pressure, task.mask, out);
     spreadSmooth<4>(area, task.mask, out + 1);
-    if (withEnergy) {
-      spreadSmooth<4>(m.energy, task.mask, out + 2);
-    } else {
-      for (int n = 0; n < 5; ++n) out[4 * n + 2] = 0;
-    }
+    if (withEnergy) spreadSmooth<4>(m.energy, task.mask, out + 2);  // not read otherwise
     for (int n = 1; n < 5; ++n) out[4 * n + 3] = 0;
     out[3] = m.area[0];
     if (kWithStiffness) {

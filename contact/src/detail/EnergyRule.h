@@ -5,8 +5,8 @@
 namespace genu::contact::detail {
 
 struct EnergyGradient {
-  Eigen::Matrix<double, 6, 1> load = Eigen::Matrix<double, 6, 1>::Zero();  // force and moment about Fo on M, in F
-  Matrix6 byMotion = Matrix6::Zero();                                     // their derivative, when asked for
+  Eigen::Matrix<double, 6, 1> load;  // force and moment about Fo on M, in F
+  Matrix6 byMotion;                  // their derivative, 0 unless asked for
 };
 
 /** Minus the gradient of the smooth rule's discrete energy
