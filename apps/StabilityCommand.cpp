@@ -54,7 +54,8 @@ size_t indexOf(StabilityOutcome outcome) { return static_cast<size_t>(std::find(
 
 std::string formatValue(double value) {
   // Digits that a bisection has; those of 0.4999 are in the distance from a half.
-  return value > 0.4 && value < 0.5 ? fmt::format("{:.7g}", value) : fmt::format("{:.3g}", value);
+  if (value > 0.4989 && value < 0.5) return 0.5 - value < 1e-6 ? fmt::format("0.5 - {:.1e}", 0.5 - value) : fmt::format("{:.7g}", value);
+  return fmt::format("{:.3g}", value);
 }
 std::string withUnit(double value, const std::string& unit) { return formatValue(value) + (unit.empty() ? "" : " " + unit); }
 
@@ -168,7 +169,7 @@ std::string makeMap(const model::Stability& s, std::string& data, const std::str
   for (size_t r = 0; r < s.rows.size(); ++r) {
     const auto& row = s.rows[r];
     const double y = -static_cast<double>(r);
-    tics += fmt::format("{}\"{}\" {:g}", r == 0 ? "" : ", ", escape(fmt::format("{}{}: {}", row.name, row.unit.empty() ? "" : " [" + row.unit + "]", row.scene), '"', "'"), y);
+    tics += fmt::format("{}\"{}\" {:g}", r == 0 ? "" : ", ", escape(fmt::format("{}{}: {}", row.name, row.unit.empty() ? "" : " [" + escape(row.unit, '%', "percent") + "]", row.scene), '"', "'"), y);
     size_t column = 0;
     for (const auto& cell : row.cells) {
       if (cell.bisected) continue;
@@ -184,17 +185,17 @@ std::string makeMap(const model::Stability& s, std::string& data, const std::str
   if (data.empty()) data = "0 0 0 0xffffff \"\"\n";
   if (marks.size() == 2) marks += "nan nan \"\"\n";
   data += marks;
-  const double height = 130 + 38.0 * static_cast<double>(s.rows.size()), width = 640 + 86.0 * static_cast<double>(columns);
+  const double height = 110 + 34.0 * static_cast<double>(s.rows.size()), width = 760 + 86.0 * static_cast<double>(columns);
   std::string script = fmt::format(
       "# Draw again with: gnuplot stability_map_{0}.gp\nset terminal {1} size {2:.0f},{3:.0f} font 'DejaVu Sans,12' background rgb 'white' noenhanced\nset output 'stability_map.{0}'\n"
       "set encoding utf8\nunset border\nset tics scale 0\nunset xtics\nset ytics ({4})\nset xrange [-0.5:{5}]\nset yrange [{6}:0.5]\nset lmargin at screen {7:.4f}\nset rmargin at screen 0.995\n"
       "set tmargin at screen {8:.4f}\nset bmargin at screen {9:.4f}\n",
-      extension, extension == "png" ? "pngcairo" : "svg", width, height, tics, static_cast<double>(columns) - 0.5, 0.5 - static_cast<double>(std::max<size_t>(1, s.rows.size())), 600 / width,
-      1 - 75 / height, 15 / height);
+      extension, extension == "png" ? "pngcairo" : "svg", width, height, tics, static_cast<double>(columns) - 0.5, 0.5 - static_cast<double>(std::max<size_t>(1, s.rows.size())), 720 / width,
+      1 - 85 / height, 15 / height);
   for (size_t k = 0; k < kColors.size(); ++k) {
-    const double x = 0.01 + 0.14 * static_cast<double>(k);
+    const double x = (k < 4 ? 12 + 190.0 * static_cast<double>(k) : 12 + 190.0 * static_cast<double>(k - 4)) / width, y = k < 4 ? 30 : 55;
     script += fmt::format("set object rect from screen {0:.4f},{1:.4f} to screen {2:.4f},{3:.4f} fc rgb '{4}' fs solid border rgb '#606060'\nset label '{5}' at screen {6:.4f},{7:.4f} font ',11'\n",
-                          x, 1 - 45 / height, x + 0.018, 1 - 25 / height, kColors[k], kMeanings[k], x + 0.022, 1 - 35 / height);
+                          x, 1 - (y + 9) / height, x + 18 / width, 1 - (y - 9) / height, kColors[k], kMeanings[k], x + 23 / width, 1 - y / height);
   }
   return script +
          "plot 'stability_map.dat' index 0 using 1:2:($1-0.46):($1+0.46):($2-0.3):($2+0.3):4 with boxxyerror fs solid border rgb '#606060' lc rgb variable notitle, \\\n"

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <set>
 #include <sstream>
 
 #include "Conversions.h"
@@ -260,11 +259,11 @@ RunData run(const scene::Scene& scene, double cpuLimit_s, const scene::Progress&
   return data;
 }
 
-scene::Scene makeDefaultReference(scene::Scene scene) {
+scene::Scene makeDefaultReference(scene::Scene scene, int steps) {
+  constexpr double kShortestStep_s = 1e-5;
   if (scene.gait) {
-    scene.gait->integrator = "cpodes";
-    scene.gait->accuracy = std::max(1e-12, 1e-2 * scene.gait->accuracy);
-    scene.gait->step_s = 0;
+    scene.gait->integrator = "generalized-alpha";
+    scene.gait->step_s = std::max(kShortestStep_s, scene.gait->duration_s / steps);
     scene.gait->maxOrder = 0;
     return scene;
   }
@@ -277,21 +276,38 @@ scene::Scene makeDefaultReference(scene::Scene scene) {
   return scene;
 }
 
+/** Largest difference of two poses over the free coordinates. Angles of a floating joint are compared as rotations: near gimbal lock rx and rz have no
+ meaning of their own. */
+double calcPoseDifference_m(const std::vector<scene::CoordinateInfo>& coordinates, const scene::Coordinates& a, const scene::Coordinates& b) {
+  double largest = 0;
+  for (size_t k = 0; k < coordinates.size(); ++k) {
+    if (coordinates[k].shortName == "rx" && k + 6 <= coordinates.size()) {
+      const contact::Mat3 R = contact::calcPose(scene::takeSix(a, k)).R.transpose() * contact::calcPose(scene::takeSix(b, k)).R;
+      // From sine and cosine, so that small and large angles keep their digits.
+      const contact::Vec3 axis(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
+      largest = std::max(largest, kAngleLength_m * std::atan2(0.5 * axis.norm(), 0.5 * (R.trace() - 1)));
+      k += 2;
+      continue;
+    }
+    if (coordinates[k].isFree) largest = std::max(largest, (coordinates[k].isAngle ? kAngleLength_m : 1.0) * std::abs(a[k] - b[k]));
+  }
+  return largest;
+}
+
 void compare(const scene::Scene& scene, const RunData& reference, const RunData& data, StabilityCell& cell) {
   const auto coordinates = scene.coordinates();
-  for (size_t k = 0; k < coordinates.size(); ++k) {
-    if (!coordinates[k].isFree) continue;
-    const double scale = coordinates[k].isAngle ? kAngleLength_m : 1.0;
-    for (size_t i = 0; i < data.q.size(); ++i) cell.poseError_m = std::max(cell.poseError_m, scale * std::abs(data.q[i][k] - reference.q[i][k]));
-  }
+  for (size_t i = 0; i < data.q.size(); ++i) cell.poseError_m = std::max(cell.poseError_m, calcPoseDifference_m(coordinates, data.q[i], reference.q[i]));
+  constexpr double kNoForce_N = 1e-3;
   double difference = 0, sum = 0;
+  size_t count = 0;
   for (size_t i = 0; i < data.force_N.size(); ++i) {
     for (size_t k = 0; k < data.force_N[i].size(); ++k) {
       difference += std::abs(data.force_N[i][k] - reference.force_N[i][k]);
       sum += std::abs(reference.force_N[i][k]);
+      ++count;
     }
   }
-  cell.forceError = sum > 0 ? difference / sum : difference > 0 ? 1 : 0;
+  if (count > 0) cell.forceError = difference / std::max(sum, kNoForce_N * static_cast<double>(count));
 }
 
 }  // namespace
@@ -363,7 +379,7 @@ double StabilityAxis::middle(double a, double b) const {
     case Scale::linear: return 0.5 * (a + b);
     case Scale::toHalf:
       if (a < 0.5 && b < 0.5) return 0.5 - std::sqrt((0.5 - a) * (0.5 - b));
-      return b == 0.5 && a < 0.5 ? 0.5 - 0.1 * (0.5 - a) : 0.5 * (a + b);
+      return b == 0.5 && a < 0.5 ? 0.5 - 0.01 * (0.5 - a) : 0.5 * (a + b);
     default: return a == 0 ? 0.1 * b : std::sqrt(a * b);
   }
 }
@@ -371,13 +387,13 @@ double StabilityAxis::middle(double a, double b) const {
 bool StabilityAxis::isNarrow(double a, double b, double ratio) const {
   switch (scale) {
     case Scale::linear: return std::abs(b - a) < 0.1 * (ratio - 1) * (values.back() - values.front());
-    case Scale::toHalf: return a < 0.5 && b < 0.5 ? std::max(0.5 - a, 0.5 - b) < ratio * std::min(0.5 - a, 0.5 - b) : std::abs(b - a) < 1e-12;
+    case Scale::toHalf: return a < 0.5 && b < 0.5 ? std::max(0.5 - a, 0.5 - b) < ratio * std::min(0.5 - a, 0.5 - b) : std::abs(b - a) < 1e-9;
     default: return std::max(a, b) < ratio * std::min(a, b);
   }
 }
 
 StabilityCell runStabilityCell(const StabilityAxis& axis, double value, const StabilityOptions& options, const scene::Progress& progress) {
-  constexpr double kReferenceCost = 6;  // of a run's processor time
+  constexpr double kReferenceCost = 10;  // of a run's processor time
   StabilityCell cell;
   cell.value = value;
   scene::Scene scene;
@@ -408,7 +424,7 @@ StabilityCell runStabilityCell(const StabilityAxis& axis, double value, const St
 
   RunData reference;
   try {
-    const scene::Scene tight = axis.makeReference ? axis.makeReference(value) : makeDefaultReference(scene);
+    const scene::Scene tight = axis.makeReference ? axis.makeReference(value) : makeDefaultReference(scene, axis.referenceSteps);
     reference = run(tight, kReferenceCost * options.cpuLimit_s, watch);
   } catch (const InputError& error) {
     reference.outcome = StabilityOutcome::refused;

@@ -45,8 +45,10 @@ enum class StabilityOutcome {
 };
 const char* toString(StabilityOutcome outcome);
 
-/** What counts as wrong. Pose: largest difference of a free coordinate from the reference over all frames, angles times kAngleLength_m.
- Force: mean difference of the compartments' scalar forces over their mean. Energy: imbalance less its quadrature error. */
+/** What counts as wrong. Pose: largest difference of a free coordinate from the reference over all frames, angles (of a floating
+ joint: the angle between both orientations) times kAngleLength_m.
+ Force: mean difference of the compartments' scalar forces over their mean, which counts as 1 mN at least. Energy: imbalance less its quadrature
+ error, of the scale. */
 struct StabilityLimits {
   double pose_m = 1e-4;
   double force = 0.05;
@@ -84,9 +86,10 @@ struct StabilityAxis {
   std::vector<double> values;  ///< increasing
   /** A scene with `gait` is integrated, another finds its static equilibrium. @throws InputError the value is not allowed */
   std::function<scene::Scene(double value)> make;
-  /** The scene that it is compared with. Empty: the same by CPODES with a hundredth of the accuracy on the same grid; in statics on a
-   grid twice as fine. */
-  std::function<scene::Scene(double value)> makeReference;
+  /** The scene that it is compared with. Empty: the same scene; integrated by generalized-alpha in `referenceSteps` steps, none below 10 us, whatever its own
+   integrator - another method, which cannot step over anything; in statics on a grid twice as fine. */
+  std::function<scene::Scene(double value)> makeReference = {};
+  int referenceSteps = 5000;
 
   /** Whether a boundary between a < b is known well enough: b/a below `ratio` (toHalf: of 0.5 - value), linear: b - a below ratio - 1 of a tenth of the
    range of `values`. */
