@@ -462,6 +462,7 @@ StabilityRow runStabilityAxis(const StabilityAxis& axis, const StabilityOptions&
     return !stopped;
   };
   for (const double value : axis.values) {
+    if (!part(0)) return row;
     StabilityCell cell = runStabilityCell(axis, value, options, part);
     if (stopped) return row;
     row.cells.push_back(std::move(cell));

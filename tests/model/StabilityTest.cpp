@@ -24,7 +24,7 @@ using testing_support::TemporaryFile;
 using Scale = StabilityAxis::Scale;
 namespace coordinate = testing_support;
 
-/** A ball pressed d/h deep into its layer; z stays free, so that there is something to find. */
+/** A ball pressed d/h deep into its layer, every coordinate prescribed. */
 StabilityAxis pressAxis(const std::filesystem::path& urdf, std::vector<double> values) {
   StabilityAxis axis;
   axis.name = "depth";
@@ -33,7 +33,6 @@ StabilityAxis pressAxis(const std::filesystem::path& urdf, std::vector<double> v
   axis.make = [urdf](double strain) {
     scene::Scene scene = sphereScene(urdf, 21);
     scene.model->coordinates[coordinate::y] = scene::PrescribedCoordinate{36e-3 - strain * 6e-3};
-    scene.model->coordinates[coordinate::z] = scene::FreeCoordinate{};
     return scene;
   };
   return axis;
