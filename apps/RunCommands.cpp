@@ -121,8 +121,20 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
         noThickness);
   }
   warnAboutElements(trajectory);
-  if (report::worstStatus(trajectory.frames.back().contacts) == contact::EvaluationStatus::extrapolated) {
-    spdlog::warn("{}", report::describeStatus(scene, trajectory.frames.back().contacts));
+  // The frame with most of them: at its end a run may be within the range of the law again.
+  const scene::Frame* extrapolated = nullptr;
+  int most = 0;
+  for (const auto& frame : trajectory.frames) {
+    int count = 0;
+    for (const auto& result : frame.contacts) count += result.total.extrapolatedElements;
+    if (count > most && report::worstStatus(frame.contacts) == contact::EvaluationStatus::extrapolated) {
+      most = count;
+      extrapolated = &frame;
+    }
+  }
+  if (extrapolated != nullptr) {
+    spdlog::warn("{}{}", trajectory.frames.size() > 1 ? fmt::format("at t = {:g} s ", extrapolated->time_s) : "",
+                 report::describeStatus(scene, extrapolated->contacts));
   }
   if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);
   if (!common.console.quiet) {

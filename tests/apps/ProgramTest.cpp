@@ -197,6 +197,19 @@ TEST_F(Runs, VerifyRecommendsASettingAndRunsItAgain) {
   for (const std::string file : s.at("files")) EXPECT_TRUE(fs::is_regular_file(folder_ / "out" / file)) << file;
 }
 
+// Pressed 5.85 mm into 6 mm at half time only: the warning names that time, although the run ends without contact.
+TEST_F(Runs, ExtrapolationIsAWarningAtAnyTime) {
+  write("y.csv", "time,y\n0,35.9\n0.05,32\n0.1,30.15\n0.15,32\n0.2,36.1\n");
+  write("ball.yaml", replaced(kBall, "-5 mm, 5 mm, -5 mm, 5 mm", "-0.5 mm, 0.5 mm, -0.5 mm, 0.5 mm") +
+                         "model:\n  urdf: knee.urdf\n  joint: knee\n  coordinates: {rx: {prescribed: 0 deg}, ry: {prescribed: 0 deg}, rz: {prescribed: 0 deg}, "
+                         "x: {prescribed: 0 mm}, y: {prescribed: {table: y.csv, column: y, unit: mm}}, z: {prescribed: 0 mm}}\n"
+                         "analysis: {gait: {duration: 0.2 s, output_interval: 10 ms}}\n");
+  const Outcome outcome = run({"gait", "ball.yaml", "--output", "out", "--no-plots", "--no-maps"});
+  ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("at t = 0.1 s "));
+  EXPECT_THAT(outcome.err, HasSubstr("95 %"));
+}
+
 TEST_F(Runs, VerifyFindsWhereASceneStopsBeingRight) {
   write("knee.yaml", replaced(kKnee, "  gait: {duration: 0.2 s, output_interval: 10 ms}\n", "  static: {method: newton}\n"));
   write("knee.urdf", kUrdf);
