@@ -121,19 +121,19 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
         noThickness);
   }
   warnAboutElements(trajectory);
-  // The frame with most of them: at its end a run may be within the range of the law again.
+  // The frame with the largest strain: at its end a run may be within the range of the law again.
   const scene::Frame* extrapolated = nullptr;
-  int most = 0;
+  double largest = 0;
   for (const auto& frame : trajectory.frames) {
-    int count = 0;
-    for (const auto& result : frame.contacts) count += result.total.extrapolatedElements;
-    if (count > most && report::worstStatus(frame.contacts) == contact::EvaluationStatus::extrapolated) {
-      most = count;
+    if (report::worstStatus(frame.contacts) != contact::EvaluationStatus::extrapolated) continue;
+    for (const auto& result : frame.contacts) {
+      if (result.total.maxStrain <= largest) continue;
+      largest = result.total.maxStrain;
       extrapolated = &frame;
     }
   }
   if (extrapolated != nullptr) {
-    spdlog::warn("{}{}", trajectory.frames.size() > 1 ? fmt::format("at t = {:g} s ", extrapolated->time_s) : "",
+    spdlog::warn("{}{}", trajectory.frames.size() > 1 ? fmt::format("at t = {:g} s: ", extrapolated->time_s) : "",
                  report::describeStatus(scene, extrapolated->contacts));
   }
   if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);

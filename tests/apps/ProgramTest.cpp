@@ -206,7 +206,7 @@ TEST_F(Runs, ExtrapolationIsAWarningAtAnyTime) {
                          "analysis: {gait: {duration: 0.2 s, output_interval: 10 ms}}\n");
   const Outcome outcome = run({"gait", "ball.yaml", "--output", "out", "--no-plots", "--no-maps"});
   ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("at t = 0.1 s "));
+  EXPECT_THAT(outcome.err, HasSubstr("at t = 0.1 s: 2500 elements"));
   EXPECT_THAT(outcome.err, HasSubstr("95 %"));
 }
 
