@@ -193,7 +193,7 @@ std::string makeMap(const model::Stability& s, std::string& data, const std::str
       extension, extension == "png" ? "pngcairo" : "svg", width, height, tics, static_cast<double>(columns) - 0.5, 0.5 - static_cast<double>(std::max<size_t>(1, s.rows.size())), 720 / width,
       1 - 85 / height, 15 / height);
   for (size_t k = 0; k < kColors.size(); ++k) {
-    const double x = (k < 4 ? 12 + 190.0 * static_cast<double>(k) : 12 + 190.0 * static_cast<double>(k - 4)) / width, y = k < 4 ? 30 : 55;
+    const double x = (k < 4 ? 12 + 215.0 * static_cast<double>(k) : 12 + 215.0 * static_cast<double>(k - 4)) / width, y = k < 4 ? 30 : 55;
     script += fmt::format("set object rect from screen {0:.4f},{1:.4f} to screen {2:.4f},{3:.4f} fc rgb '{4}' fs solid border rgb '#606060'\nset label '{5}' at screen {6:.4f},{7:.4f} font ',11'\n",
                           x, 1 - (y + 9) / height, x + 18 / width, 1 - (y - 9) / height, kColors[k], kMeanings[k], x + 23 / width, 1 - y / height);
   }
