@@ -9,6 +9,7 @@
 
 #include "Commands.h"
 #include "genu/model/Analysis.h"
+#include "genu/model/CutOff.h"
 #include "genu/model/KneeSystem.h"
 #include "genu/report/ContactReport.h"
 #include "genu/report/OutputFolder.h"
@@ -136,6 +137,7 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
     spdlog::warn("{}{}", trajectory.frames.size() > 1 ? fmt::format("at t = {:g} s: ", extrapolated->time_s) : "",
                  report::describeStatus(scene, extrapolated->contacts));
   }
+  for (const model::CutOff& cutOff : model::findCutOffs(scene, trajectory.frames)) spdlog::warn("{}", model::describe(cutOff, scene));
   if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);
   if (!common.console.quiet) {
     fmt::print("{}\n{}\nComputed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n",

@@ -9,6 +9,7 @@
 
 #include "Conversions.h"
 #include "StaticAnalysis.h"
+#include "genu/model/CutOff.h"
 #include "genu/model/KneeSystem.h"
 #include "genu/scene/SceneFile.h"
 
@@ -194,7 +195,13 @@ std::string listRemarks(const KneeSystem& knee, const std::vector<const std::vec
   return result;
 }
 
-RunData run(const scene::Scene& scene, double cpuLimit_s, const scene::Progress& progress) {
+/** Remarks on contact that is cut off, in front of others. */
+void addCutOffs(const scene::Scene& scene, const std::vector<scene::Frame>& frames, std::string& message) {
+  for (const CutOff& cutOff : findCutOffs(scene, frames)) message = describe(cutOff, scene) + (message.empty() ? "" : "; " + message);
+}
+
+/** `remarks`: what the program would warn of is looked for. */
+RunData run(const scene::Scene& scene, double cpuLimit_s, bool remarks, const scene::Progress& progress) {
   RunData data;
   const double start = cpuTime_s();
   bool late = false;
@@ -216,6 +223,7 @@ RunData run(const scene::Scene& scene, double cpuLimit_s, const scene::Progress&
           contacts.push_back(&frame.contacts);
         }
         data.message = listRemarks(knee, contacts);
+        if (remarks) addCutOffs(scene, result.frames, data.message);
         data.balance = calcEnergyBalance(scene, result);
       } else {
         data.outcome = StabilityOutcome::failed;
@@ -230,6 +238,12 @@ RunData run(const scene::Scene& scene, double cpuLimit_s, const scene::Progress&
         data.force_N.push_back(listForces(result.contacts));
         contacts.push_back(&result.contacts);
         data.message = listRemarks(knee, contacts);
+        if (remarks) {
+          scene::Frame frame;
+          frame.q = result.q;
+          frame.contacts = result.contacts;
+          addCutOffs(scene, {frame}, data.message);
+        }
         if (result.statusText != "converged") data.message = result.statusText + (data.message.empty() ? "" : "; " + data.message);
       } else {
         data.outcome = StabilityOutcome::failed;
@@ -413,7 +427,7 @@ StabilityCell runStabilityCell(const StabilityAxis& axis, double value, const St
     stopped = stopped || (progress && !progress(share));
     return !stopped;
   };
-  const RunData data = run(scene, options.cpuLimit_s, watch);
+  const RunData data = run(scene, options.cpuLimit_s, true, watch);
   cell.outcome = data.outcome;
   cell.message = data.message;
   cell.cpu_s = data.cpu_s;
@@ -425,7 +439,7 @@ StabilityCell runStabilityCell(const StabilityAxis& axis, double value, const St
   RunData reference;
   try {
     const scene::Scene tight = axis.makeReference ? axis.makeReference(value) : makeDefaultReference(scene, axis.referenceSteps);
-    reference = run(tight, kReferenceCost * options.cpuLimit_s, watch);
+    reference = run(tight, kReferenceCost * options.cpuLimit_s, false, watch);
   } catch (const InputError& error) {
     reference.outcome = StabilityOutcome::refused;
     reference.message = error.what();

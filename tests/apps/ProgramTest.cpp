@@ -197,7 +197,8 @@ TEST_F(Runs, VerifyRecommendsASettingAndRunsItAgain) {
   for (const std::string file : s.at("files")) EXPECT_TRUE(fs::is_regular_file(folder_ / "out" / file)) << file;
 }
 
-// Pressed 5.85 mm into 6 mm at half time only: the warning names that time, although the run ends without contact.
+// Pressed 5.85 mm into 6 mm at half time only: the warning names that time, although the run ends without contact. So does the one that the rectangle holds only the
+// middle of the contact.
 TEST_F(Runs, ExtrapolationIsAWarningAtAnyTime) {
   write("y.csv", "time,y\n0,35.9\n0.05,32\n0.1,30.15\n0.15,32\n0.2,36.1\n");
   write("ball.yaml", replaced(kBall, "-5 mm, 5 mm, -5 mm, 5 mm", "-0.5 mm, 0.5 mm, -0.5 mm, 0.5 mm") +
@@ -208,6 +209,7 @@ TEST_F(Runs, ExtrapolationIsAWarningAtAnyTime) {
   ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("at t = 0.1 s: 2500 elements"));
   EXPECT_THAT(outcome.err, HasSubstr("95 %"));
+  EXPECT_THAT(outcome.err, HasSubstr("rectangle: at t = 0.1 s contact goes on beyond the rectangle"));
 }
 
 TEST_F(Runs, VerifyFindsWhereASceneStopsBeingRight) {

@@ -9,6 +9,7 @@
 #include "ElementFixtures.h"
 #include "genu/io/Files.h"
 #include "genu/model/Analysis.h"
+#include "genu/model/CutOff.h"
 
 namespace genu::model {
 namespace {
@@ -32,6 +33,10 @@ StabilityAxis pressAxis(const std::filesystem::path& urdf, std::vector<double> v
   axis.values = std::move(values);
   axis.make = [urdf](double strain) {
     scene::Scene scene = sphereScene(urdf, 21);
+    contact::CompartmentDefinition& part = scene.contacts[0].definition.compartments[0];
+    part.x0_m = part.z0_m = -25e-3;  // holds the contact, whatever the depth
+    part.x1_m = part.z1_m = 25e-3;
+    part.fixedSurface = testing_support::makeSurface(contact::makePlane(6e-3, 0, 0, contact::Solid::below, 0.1));
     scene.model->coordinates[coordinate::y] = scene::PrescribedCoordinate{36e-3 - strain * 6e-3};
     return scene;
   };
@@ -189,6 +194,39 @@ TEST(Stability, SeesALooseTolerance) {
   ASSERT_EQ(row.boundaries.size(), 1u);
   EXPECT_EQ(row.boundaries[0].good, 1e-6);
   EXPECT_EQ(row.boundaries[0].bad, 1e-3);
+}
+
+// A ball of 30 mm pressed 0.2 mm in touches a circle of sqrt(2 R d) = 3.5 mm: rectangles of 5 mm hold it, those of 2 mm cut it off. Where the layer ends at
+// 2 mm there is nothing to miss, and a second rectangle beside the first takes what it leaves.
+TEST(CutOffs, AreFoundWhereTheSurfaceGoesOn) {
+  const TemporaryFile urdf("cut.urdf", kneeUrdf());
+  const auto find = [&](double half_m, double layerHalf_m, bool neighbour) {
+    scene::Scene scene = sphereScene(urdf.path(), 20);
+    scene.model->coordinates[coordinate::y] = scene::PrescribedCoordinate{35.8e-3};
+    auto& parts = scene.contacts[0].definition.compartments;
+    parts[0].x0_m = parts[0].z0_m = -half_m;
+    parts[0].x1_m = parts[0].z1_m = half_m;
+    parts[0].fixedSurface = testing_support::makeSurface(contact::makePlane(6e-3, 0, 0, contact::Solid::below, layerHalf_m));
+    if (neighbour) {
+      parts.push_back(parts[0]);
+      parts[1].name = "beside";
+      parts[1].x0_m = half_m;
+      parts[1].x1_m = 5e-3;
+      parts[0].z0_m = parts[1].z0_m = -5e-3;
+      parts[0].z1_m = parts[1].z1_m = 5e-3;
+      parts[0].x0_m = -5e-3;
+    }
+    const scene::Trajectory run = replay({0}, {{0, 0, 0, 0, 35.8e-3, 0}}, scene, {}, false);
+    return findCutOffs(scene, run.frames);
+  };
+  EXPECT_TRUE(find(5e-3, 20e-3, false).empty());
+  EXPECT_TRUE(find(2e-3, 2e-3, false).empty());
+  EXPECT_TRUE(find(2e-3, 20e-3, true).empty());
+  const std::vector<CutOff> cut = find(2e-3, 20e-3, false);
+  ASSERT_EQ(cut.size(), 1u);
+  EXPECT_EQ(cut[0].compartment, "layer");
+  EXPECT_GT(cut[0].outside_N, 0.1 * cut[0].force_N);  // 20 % more side: 44 % more area, at lower pressure
+  EXPECT_LT(cut[0].outside_N, 0.44 * cut[0].force_N);
 }
 
 TEST(Stability, RefusalsAndTimeLimitsAreOutcomes) {
