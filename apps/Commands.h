@@ -59,6 +59,7 @@ struct VerifyCommandOptions {
   std::string grid;
   std::string poseError, forceError;  ///< with units; empty: the defaults
   bool full = false, noPlots = false;
+  bool stability = false;
 };
 
 // Each returns an exit code or throws InputError or ComputationError.
@@ -69,6 +70,8 @@ int runReplayCommand(const RunOptions& options, const CommonOptions& common);
 int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& common);
 std::vector<std::string> listExperiments();
 int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& common);
+/** `genu verify --stability`; without a scene the built-in ones. */
+int runStabilityCommand(const VerifyCommandOptions& options, const CommonOptions& common);
 int runContactCommand(const ContactOptions& options, const CommonOptions& common);
 int runCheckCommand(const std::filesystem::path& scene, const CommonOptions& common);
 int runExplainCommand(const std::filesystem::path& scene, const CommonOptions& common);

@@ -9,6 +9,7 @@
 
 #include "Commands.h"
 #include "genu/model/Analysis.h"
+#include "genu/model/CutOff.h"
 #include "genu/model/KneeSystem.h"
 #include "genu/report/ContactReport.h"
 #include "genu/report/OutputFolder.h"
@@ -121,9 +122,22 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
         noThickness);
   }
   warnAboutElements(trajectory);
-  if (report::worstStatus(trajectory.frames.back().contacts) == contact::EvaluationStatus::extrapolated) {
-    spdlog::warn("{}", report::describeStatus(scene, trajectory.frames.back().contacts));
+  // The frame with the largest strain: at its end a run may be within the range of the law again.
+  const scene::Frame* extrapolated = nullptr;
+  double largest = 0;
+  for (const auto& frame : trajectory.frames) {
+    if (report::worstStatus(frame.contacts) != contact::EvaluationStatus::extrapolated) continue;
+    for (const auto& result : frame.contacts) {
+      if (result.total.maxStrain <= largest) continue;
+      largest = result.total.maxStrain;
+      extrapolated = &frame;
+    }
   }
+  if (extrapolated != nullptr) {
+    spdlog::warn("{}{}", trajectory.frames.size() > 1 ? fmt::format("at t = {:g} s: ", extrapolated->time_s) : "",
+                 report::describeStatus(scene, extrapolated->contacts));
+  }
+  for (const model::CutOff& cutOff : model::findCutOffs(scene, trajectory.frames)) spdlog::warn("{}", model::describe(cutOff, scene));
   if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);
   if (!common.console.quiet) {
     fmt::print("{}\n{}\nComputed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n",

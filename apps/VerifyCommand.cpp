@@ -153,6 +153,8 @@ std::string makePlot(const model::Verification& v, std::string& data, const std:
 }  // namespace
 
 int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& common) {
+  if (options.stability) return runStabilityCommand(options, common);
+  if (options.scene.empty()) throw InputError("verify: SCENE is missing; only --stability does without");
   installInterruptHandler(false);
   const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
   model::VerifyOptions settings;

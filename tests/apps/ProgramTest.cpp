@@ -197,6 +197,52 @@ TEST_F(Runs, VerifyRecommendsASettingAndRunsItAgain) {
   for (const std::string file : s.at("files")) EXPECT_TRUE(fs::is_regular_file(folder_ / "out" / file)) << file;
 }
 
+// Pressed 5.85 mm into 6 mm at half time only: the warning names that time, although the run ends without contact. So does the one that the rectangle holds only the
+// middle of the contact.
+TEST_F(Runs, ExtrapolationIsAWarningAtAnyTime) {
+  write("y.csv", "time,y\n0,35.9\n0.05,32\n0.1,30.15\n0.15,32\n0.2,36.1\n");
+  write("ball.yaml", replaced(kBall, "-5 mm, 5 mm, -5 mm, 5 mm", "-0.5 mm, 0.5 mm, -0.5 mm, 0.5 mm") +
+                         "model:\n  urdf: knee.urdf\n  joint: knee\n  coordinates: {rx: {prescribed: 0 deg}, ry: {prescribed: 0 deg}, rz: {prescribed: 0 deg}, "
+                         "x: {prescribed: 0 mm}, y: {prescribed: {table: y.csv, column: y, unit: mm}}, z: {prescribed: 0 mm}}\n"
+                         "analysis: {gait: {duration: 0.2 s, output_interval: 10 ms}}\n");
+  const Outcome outcome = run({"gait", "ball.yaml", "--output", "out", "--no-plots", "--no-maps"});
+  ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("at t = 0.1 s: 2500 elements"));
+  EXPECT_THAT(outcome.err, HasSubstr("95 %"));
+  EXPECT_THAT(outcome.err, HasSubstr("rectangle: at t = 0.1 s contact goes on beyond the rectangle"));
+}
+
+TEST_F(Runs, VerifyFindsWhereASceneStopsBeingRight) {
+  write("knee.yaml", replaced(kKnee, "  gait: {duration: 0.2 s, output_interval: 10 ms}\n", "  static: {method: newton}\n"));
+  write("knee.urdf", kUrdf);
+  write("gait.csv", kTable);
+  EXPECT_EQ(run({"verify"}).exitCode, 2);
+  EXPECT_THAT(run({"verify"}).err, HasSubstr("SCENE is missing"));
+  const Outcome bad = run({"verify", "knee.yaml", "--stability", "--force-error", "1 N"});
+  EXPECT_EQ(bad.exitCode, 2);
+  EXPECT_THAT(bad.err, HasSubstr("--force-error: with --stability"));
+  EXPECT_THAT(run({"verify", "--stability", "--grid", "5x5"}).err, HasSubstr("--grid: the built-in scenes"));
+  const Outcome outcome = run({"verify", "knee.yaml", "--stability", "--output", "out", "--no-plots"});
+  ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
+  const json s = summary("out");
+  EXPECT_EQ(s.at("analysis"), "verify --stability");
+  ASSERT_EQ(s.at("rows").size(), 3u);
+  int cells = 0, refused = 0;
+  for (const auto& row : s.at("rows")) {
+    for (const auto& cell : row.at("cells")) {
+      ++cells;
+      if (cell.at("outcome") != "refused") continue;
+      ++refused;
+      EXPECT_THAT(cell.at("message").get<std::string>(), HasSubstr("0.5"));
+    }
+  }
+  EXPECT_EQ(refused, 1);  // Poisson's ratio of a half
+  const std::string csv = io::readFile(folder_ / "out/stability.csv");
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), cells + 1);
+  EXPECT_THAT(io::readFile(folder_ / "out/stability.md"), HasSubstr("| Axis | Scene |"));
+  for (const std::string file : s.at("files")) EXPECT_TRUE(fs::is_regular_file(folder_ / "out" / file)) << file;
+}
+
 TEST_F(Runs, StaticBalancesTheLoad) {
   const Outcome outcome = run({"static", "knee.yaml", "--output", "out"});
   ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
