@@ -294,9 +294,13 @@ double KneeOde::findLongestStep(const std::vector<double>& y) const {
   double longest = SimTK::Infinity;
   const size_t n = index_.size();
   if (knee_.contact().numContactPairs() == 0 || lastRates_.size() != y.size()) return longest;
+  // Near gimbal lock angles run without anything moving.
+  bool anglesCount = true;
+  for (const int k : middleAngles_) anglesCount = anglesCount && std::abs(std::cos(state_.getQ()[k])) > 0.05;
   for (size_t k = 0; k < n; ++k) {
-    if (knee_.isPrescribed(unknown_[k])) continue;
-    const double length = knee_.coordinates()[static_cast<size_t>(unknown_[k])].isAngle ? kMostMove_m / kAngleLength_m : kMostMove_m;
+    const bool isAngle = knee_.coordinates()[static_cast<size_t>(unknown_[k])].isAngle;
+    if (knee_.isPrescribed(unknown_[k]) || (isAngle && !anglesCount)) continue;
+    const double length = isAngle ? kMostMove_m / kAngleLength_m : kMostMove_m;
     // |v| h + |a| h^2 / 2 = length
     const double v = std::abs(y[n + k]), a = std::abs(lastRates_[n + k]);
     if (v > 0 || a > 0) longest = std::min(longest, 2 * length / (v + std::sqrt(v * v + 2 * a * length)));
