@@ -137,7 +137,7 @@ int run(int argc, char** argv) {
   addScene(*command, verifyOptions.scene)->required(false);
   command->add_flag("--stability", verifyOptions.stability,
                     "Instead: where the scene stops being right as modulus, layer, load, mass, step, ... grow or shrink; without SCENE: built-in scenes");
-  command->add_option("-o,--output", verifyOptions.output, "Folder for the results; default: results/SCENE-verify, results/SCENE-stability")->type_name("DIR");
+  command->add_option("-o,--output", verifyOptions.output, "Folder for the results; default: results/SCENE-verify, results/SCENE-stability; without SCENE: results/verify, results/stability")->type_name("DIR");
   command->add_option("--grid", verifyOptions.grid, "Elements of every compartment instead of the scene's")->type_name("NXxNZ");
   command->add_option("--pose-error", verifyOptions.poseError, "Error that the recommended setting may have; default: 0.01 mm")->type_name("LENGTH");
   command->add_option("--force-error", verifyOptions.forceError, "The same for the force of a compartment; default: 5 N")->type_name("FORCE");
@@ -145,7 +145,8 @@ int run(int argc, char** argv) {
   command->add_flag("--no-plots", verifyOptions.noPlots, "No plots");
   addCommonOptions(*command, common);
   command->footer(std::string("\nExample:\n  genu verify models/artificial_knee/gait.yaml --pose-error \"0.001 mm\"\n"
-                              "  genu verify --stability\n\n"
+                              "  genu verify\n  genu verify --stability\n\n"
+                              "Without SCENE: built-in scenes, a folder each.\n"
                               "Each setting is compared with a run on a grid twice as fine as the finest, with 100 times tighter steps.\n"
                               "Results: verification.csv, verification.md, summary.json, plots/work_precision.png and .svg (docs/verification.md).\n"
                               "With --stability: stability.csv, stability.md, summary.json, plots/stability_map.png and .svg (docs/stability.md).\n") +

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "Commands.h"
+#include "WorkFolder.h"
 #include "genu/io/Files.h"
 #include "genu/io/Units.h"
 #include "genu/model/Stability.h"
@@ -21,29 +22,6 @@ using model::StabilityRow;
 using nlohmann::ordered_json;
 
 namespace {
-
-/** Where the built-in scenes keep their files; gone afterwards. */
-class WorkFolder {
- public:
-  WorkFolder() : path_(fs::temp_directory_path() / fmt::format("genu-stability-{}", ::getpid())) { fs::create_directories(path_); }
-  ~WorkFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
-  WorkFolder(const WorkFolder&) = delete;
-  WorkFolder& operator=(const WorkFolder&) = delete;
-  const fs::path& path() const { return path_; }
-  /** A message without the folder's name, on one line. */
-  std::string clean(std::string text) const {
-    const std::string name = path_.string() + "/";
-    for (size_t at = text.find(name); at != std::string::npos; at = text.find(name, at)) text.erase(at, name.size());
-    std::replace(text.begin(), text.end(), '\n', ' ');
-    return text;
-  }
-
- private:
-  fs::path path_;
-};
 
 constexpr std::array<StabilityOutcome, 7> kOutcomes = {StabilityOutcome::ok,      StabilityOutcome::warned, StabilityOutcome::wrong,    StabilityOutcome::failed,
                                                        StabilityOutcome::refused, StabilityOutcome::slow,   StabilityOutcome::unchecked};

@@ -8,8 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "Commands.h"
+#include "WorkFolder.h"
 #include "genu/io/Files.h"
 #include "genu/io/Units.h"
+#include "genu/model/Stability.h"
 #include "genu/model/Verification.h"
 #include "genu/report/Gnuplot.h"
 #include "genu/report/OutputFolder.h"
@@ -150,20 +152,9 @@ std::string makePlot(const model::Verification& v, std::string& data, const std:
   return script + "unset multiplot\n";
 }
 
-}  // namespace
-
-int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& common) {
-  if (options.stability) return runStabilityCommand(options, common);
-  if (options.scene.empty()) throw InputError("verify: SCENE is missing; only --stability does without");
-  installInterruptHandler(false);
-  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
-  model::VerifyOptions settings;
-  settings.full = options.full;
-  settings.repeats = options.full ? 3 : 2;
-  if (!options.poseError.empty()) settings.poseError_m = io::parseQuantity(options.poseError, io::Dimension::length, "--pose-error");
-  if (!options.forceError.empty()) settings.forceError_N = io::parseQuantity(options.forceError, io::Dimension::force, "--force-error");
-  if (!(settings.poseError_m > 0 && settings.forceError_N > 0)) throw InputError("--pose-error, --force-error: allowed: > 0");
-  const fs::path folder = options.output.empty() ? fs::path("results") / (options.scene.stem().string() + "-verify") : options.output;
+/** Measures one scene and writes its folder. `label`: how results name it. */
+int verifyScene(const scene::Scene& scene, const std::string& label, const fs::path& folder, const model::VerifyOptions& settings,
+                const VerifyCommandOptions& options, const CommonOptions& common) {
   report::OutputFolder::check(folder);
   warnAbout(scene);
   model::Verification v;
@@ -172,14 +163,14 @@ int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& c
     v = model::verify(scene, settings, meter.callback());
   }
   if (v.rows.empty()) {
-    spdlog::warn("{}: interrupted before the first result; nothing written", scene.file.string());
+    spdlog::warn("{}: interrupted before the first result; nothing written", label);
     return kInterrupted;
   }
   const HoldExit hold;
   report::OutputFolder out(folder);
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  ordered_json json = {{"format", "genu-results"}, {"format_version", 1}, {"analysis", "verify"}, {"scene", options.scene.string()}, {"complete", v.complete},
+  ordered_json json = {{"format", "genu-results"}, {"format_version", 1}, {"analysis", "verify"}, {"scene", label}, {"complete", v.complete},
                        {"full", settings.full}, {"version", GENU_VERSION}, {"repeats", settings.repeats},
                        {"peak_memory_MB", static_cast<double>(usage.ru_maxrss) / 1024}};
   json["reference"] = toJson(v.reference);
@@ -217,6 +208,35 @@ int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& c
   }
   fmt::print("Results: {}\n", folder.string());
   return v.complete ? kOk : kInterrupted;
+}
+
+/** The scenes that the program brings along, a folder each. */
+int verifyBuiltIn(const fs::path& folder, const model::VerifyOptions& settings, const VerifyCommandOptions& options, const CommonOptions& common) {
+  if (!options.grid.empty()) throw InputError("--grid: the built-in scenes have their own; give a SCENE or leave it out");
+  const WorkFolder work;
+  for (const model::BuiltInScene& entry : model::listBuiltInScenes(work.path())) {
+    if (!common.console.quiet) fmt::print("\n{}\n", entry.name);
+    const int code = verifyScene(entry.scene, entry.name, folder / entry.name, settings, options, common);
+    if (code != kOk) return code;
+  }
+  return kOk;
+}
+
+}  // namespace
+
+int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& common) {
+  if (options.stability) return runStabilityCommand(options, common);
+  installInterruptHandler(false);
+  model::VerifyOptions settings;
+  settings.full = options.full;
+  settings.repeats = options.full ? 3 : 2;
+  if (!options.poseError.empty()) settings.poseError_m = io::parseQuantity(options.poseError, io::Dimension::length, "--pose-error");
+  if (!options.forceError.empty()) settings.forceError_N = io::parseQuantity(options.forceError, io::Dimension::force, "--force-error");
+  if (!(settings.poseError_m > 0 && settings.forceError_N > 0)) throw InputError("--pose-error, --force-error: allowed: > 0");
+  if (options.scene.empty()) return verifyBuiltIn(options.output.empty() ? fs::path("results/verify") : options.output, settings, options, common);
+  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
+  const fs::path folder = options.output.empty() ? fs::path("results") / (options.scene.stem().string() + "-verify") : options.output;
+  return verifyScene(scene, options.scene.string(), folder, settings, options, common);
 }
 
 }  // namespace genu::app

@@ -347,6 +347,20 @@ std::vector<double> decades(double from, double to, int perDecade) {
 
 }  // namespace
 
+std::vector<BuiltInScene> listBuiltInScenes(const fs::path& folder) {
+  const Workshop shop(folder);
+  Knee walking = makeWalking(shop), atRest;
+  walking.correction = atRest.correction = "midsurface";  // the paper's, which both rules have
+  Knee largeStrain = walking, powerLaw = walking;
+  largeStrain.strain = "large";
+  powerLaw.material = "{law: power-law, eps0: 0.0597, p0: 18.4 MPa, n: 3, nu: 0.46}";
+  atRest.load = newtons(-kBodyWeight_N);
+  return {{"knee-walking", makeKnee(shop, walking)},
+          {"knee-walking-large-strain", makeKnee(shop, largeStrain)},
+          {"knee-walking-power-law", makeKnee(shop, powerLaw)},
+          {"knee-static", makeKnee(shop, atRest)}};
+}
+
 std::vector<StabilityAxis> listBuiltInAxes(const fs::path& folder, bool full) {
   const Workshop shop(folder);
   std::vector<StabilityAxis> axes;

@@ -99,6 +99,8 @@ Outcome run(const scene::Scene& given, const VerifySetting& setting, const scene
     }
   } catch (const ComputationError& error) {
     outcome.problem = error.what();
+  } catch (const InputError& error) {  // what the scene has does not go with this setting
+    outcome.problem = error.what();
   } catch (const std::invalid_argument& error) {  // a grid too coarse to have an element
     outcome.problem = error.what();
   }

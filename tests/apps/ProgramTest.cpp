@@ -216,8 +216,8 @@ TEST_F(Runs, VerifyFindsWhereASceneStopsBeingRight) {
   write("knee.yaml", replaced(kKnee, "  gait: {duration: 0.2 s, output_interval: 10 ms}\n", "  static: {method: newton}\n"));
   write("knee.urdf", kUrdf);
   write("gait.csv", kTable);
-  EXPECT_EQ(run({"verify"}).exitCode, 2);
-  EXPECT_THAT(run({"verify"}).err, HasSubstr("SCENE is missing"));
+  EXPECT_EQ(run({"verify", "--grid", "5x5"}).exitCode, 2);
+  EXPECT_THAT(run({"verify", "--grid", "5x5"}).err, HasSubstr("--grid: the built-in scenes"));
   const Outcome bad = run({"verify", "knee.yaml", "--stability", "--force-error", "1 N"});
   EXPECT_EQ(bad.exitCode, 2);
   EXPECT_THAT(bad.err, HasSubstr("--force-error: with --stability"));
@@ -241,6 +241,21 @@ TEST_F(Runs, VerifyFindsWhereASceneStopsBeingRight) {
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), cells + 1);
   EXPECT_THAT(io::readFile(folder_ / "out/stability.md"), HasSubstr("| Axis | Scene |"));
   for (const std::string file : s.at("files")) EXPECT_TRUE(fs::is_regular_file(folder_ / "out" / file)) << file;
+}
+
+TEST_F(Runs, VerifyBringsScenesAlong) {
+  const Outcome outcome = run({"verify", "--output", "out", "--no-plots"});
+  ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
+  for (const std::string name : {"knee-walking", "knee-walking-large-strain", "knee-walking-power-law", "knee-static"}) {
+    const json s = summary("out/" + name);
+    EXPECT_TRUE(s.at("complete").get<bool>()) << name;
+    EXPECT_EQ(s.at("scene"), name);
+    EXPECT_TRUE(s.contains("recommended")) << name;
+    // The row of the other law is compared with a reference of that law: the same integrator and grid err by as much.
+    const auto row = std::find_if(s.at("rows").begin(), s.at("rows").end(), [](const json& r) { return r.at("group") == "law"; });
+    ASSERT_NE(row, s.at("rows").end()) << name;
+    EXPECT_LT(row->at("force_error_N").get<double>(), 3 * s.at("rows").at(0).at("force_error_N").get<double>() + 1) << name;
+  }
 }
 
 TEST_F(Runs, StaticBalancesTheLoad) {

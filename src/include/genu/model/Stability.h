@@ -131,6 +131,13 @@ struct Stability {
   bool complete = false;  ///< false: interrupted
 };
 
+/** Scenes that the program brings along, written to `folder` as those of listBuiltInAxes: the walking knee with a linear material, large strain and a power law, and the knee at rest. */
+struct BuiltInScene {
+  std::string name;
+  scene::Scene scene;
+};
+std::vector<BuiltInScene> listBuiltInScenes(const std::filesystem::path& folder);
+
 /** Axes over scenes that the program brings along: URDF files and tables are written to `folder`, which must outlive them. */
 std::vector<StabilityAxis> listBuiltInAxes(const std::filesystem::path& folder, bool full);
 /** Runs with the energy-consistent force and with the paper's: 20 s, full: ten minutes. */
