@@ -5,6 +5,9 @@
 #include <fstream>
 #include <sstream>
 #include <string>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "genu/model/Analysis.h"
 #include "genu/model/OdeIntegrator.h"
@@ -26,6 +29,9 @@ struct Outcome {
 class MemoryPeak {
  public:
   MemoryPeak() {
+#ifdef __GLIBC__
+    malloc_trim(0);  // what earlier runs freed is no part of this one
+#endif
     std::ofstream file("/proc/self/clear_refs");
     file << 5;
     file.flush();
