@@ -246,6 +246,7 @@ int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
     knee.contact().setTaskRunner(runner.get());
     result = model::runGait(knee, scene, meter.callback());
   }
+  if (!result.remark.empty()) spdlog::warn("{}", result.remark);
   if (result.settling) info.details["settling"] = toJson(scene, *result.settling);
   return finish(scene, result, info, options, common);
 }

@@ -84,7 +84,10 @@ class Run {
     };
     if (!addFrame(0, 0, y)) return close(false);
     capped_ = knee_.contact().numContactPairs() > 0;
-    if (capped_) integrator_.limitStep(ode_.findLongestStep(y));
+    if (capped_) {
+      integrator_.limitStep(ode_.findLongestStep(y));
+      touching_ = ode_.countTouching();
+    }
     long steps = 0;
     const auto start = std::chrono::steady_clock::now();
     for (size_t next = 1; next < times_.size();) {
@@ -100,6 +103,9 @@ class Run {
       if (capped_) {
         if (!integrator_.interpolate(reached, y)) return close(fail(reached));
         integrator_.limitStep(ode_.findLongestStep(y));
+        const int touching = ode_.countTouching();
+        if (touching > touching_) noteImpact(reached, ode_.findSpeed(y));
+        touching_ = touching;
       }
       for (; next < times_.size() && times_[next] <= reached * (1 + 1e-14); ++next) {
         const double t = std::min(times_[next], reached);
@@ -122,6 +128,26 @@ class Run {
   /** What jumps at a stop belongs to the part after it. */
   void seeUpTo(const Stop& stop) { ode_.stopAt(stop.jump ? stop.time_s : std::numeric_limits<double>::infinity()); }
 
+  void noteImpact(double t, double speed) {
+    if (speed <= fastestImpact_) return;
+    fastestImpact_ = speed;
+    impactTime_ = t;
+  }
+
+ public:
+  /** Impacts whose speed is not large against the error of a step: measured on dropped bodies (docs/stability.md), forces within 5 % want a tolerance of
+   5e-4 of it. Slow touches, below 20 mm/s, are part of walking. */
+  std::string describeImpact(double tolerance_mPerS) const {
+    constexpr double kShare = 5e-4, kSlow_mPerS = 0.02;
+    if (fastestImpact_ < kSlow_mPerS || tolerance_mPerS <= kShare * fastestImpact_) return {};
+    std::ostringstream text;
+    text.precision(3);
+    text << "at t = " << impactTime_ << " s contact begins with " << 1e3 * fastestImpact_ << " mm/s: what follows such an impact, its time and its forces above all, is uncertain at an error of "
+         << 1e3 * tolerance_mPerS << " mm/s a step; try accuracy: " << kShare * fastestImpact_ / 10;
+    return text.str();
+  }
+
+ private:
   /** Adds what the integrator has done since it was initialized. */
   void count() {
     const OdeIntegrator::Statistics more = integrator_.statistics();
@@ -171,6 +197,8 @@ class Run {
   const KneeSystem& knee_;
   KneeOde& ode_;
   bool capped_ = false;  // no step across a contact
+  int touching_ = 0;
+  double fastestImpact_ = 0, impactTime_ = 0;
   OdeIntegrator& integrator_;
   const scene::GaitSpec& gait_;
   const scene::Progress& progress_;
@@ -264,6 +292,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   Run run(knee, ode, *integrator, gait, progress, result);
   run.integrate(ode.start(q, qdot));
   const OdeIntegrator::Statistics& counts = run.statistics();
+  if (kind.step != OdeIntegratorKind::Step::fixed) result.remark = run.describeImpact(OdeTolerances::of(gait).speed_mPerS);
   const ArticularContactSubsystem::Counters work = ode.counters();
   scene::IntegratorStatistics& out = result.statistics;
   out.name = integrator->name();

@@ -431,6 +431,23 @@ bool KneeOde::checkStatus(const SimTK::State& state) {
   return false;
 }
 
+int KneeOde::countTouching() const {
+  int touching = 0;
+  for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
+    for (const contact::NetLoad& load : knee_.contact().getDampedResult(state_, i).compartments) touching += load.activeElements > 0 ? 1 : 0;
+  }
+  return touching;
+}
+
+double KneeOde::findSpeed(const std::vector<double>& y) const {
+  double fastest = 0;
+  for (size_t k = 0; k < index_.size(); ++k) {
+    if (knee_.isPrescribed(unknown_[k]) || knee_.coordinates()[static_cast<size_t>(unknown_[k])].isAngle) continue;
+    fastest = std::max(fastest, std::abs(y[index_.size() + k]));
+  }
+  return fastest;
+}
+
 bool KneeOde::hasContact() const {
   for (int i = 0; i < knee_.contact().numContactPairs(); ++i) {
     if (knee_.contact().getDampedResult(state_, i).total.activeElements > 0) return true;

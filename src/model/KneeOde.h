@@ -69,6 +69,11 @@ class KneeOde : public OdeProblem {
   double findLongestStep(const std::vector<double>& y) const;
   static constexpr double kMostMove_m = 0.5e-3;
 
+  /** Compartments with pressure at the last evaluation. */
+  int countTouching() const;
+  /** Fastest free translation of y [m/s]. */
+  double findSpeed(const std::vector<double>& y) const;
+
   bool touched() const { return touched_; }
   /** Why the last evaluation was refused; empty when it was not. */
   const std::string& failure() const { return failure_; }

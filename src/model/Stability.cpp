@@ -224,6 +224,7 @@ RunData run(const scene::Scene& scene, double cpuLimit_s, bool remarks, const sc
         }
         data.message = listRemarks(knee, contacts);
         if (remarks) addCutOffs(scene, result.frames, data.message);
+        if (remarks && !result.remark.empty()) data.message = result.remark + (data.message.empty() ? "" : "; " + data.message);
         data.balance = calcEnergyBalance(scene, result);
       } else {
         data.outcome = StabilityOutcome::failed;

@@ -597,6 +597,7 @@ std::vector<DriftCase> listDriftCases(const fs::path& folder, bool full) {
     ball.correction = correction;
     ball.integrator = adams ? "cvode-adams" : "cpodes";
     ball.extra = adams ? "" : ", max_order: 5";
+    ball.extra += ", max_steps: 100000000";
     ball.accuracy = "1e-9";
     ball.duration_s = full ? 600 : 3;
     ball.interval_s = ball.duration_s / 600;

@@ -77,6 +77,7 @@ StaticResult runStatic(const scene::Scene& scene, const scene::Progress& progres
 /** A trajectory, and the static analysis it started from. */
 struct GaitResult : scene::Trajectory {
   std::optional<StaticResult> settling;  ///< absent when the scene starts without settling
+  std::string remark;                    ///< impacts that the accuracy is too loose for; empty: none
 };
 
 /** Dynamic analysis [BF2004 §3.2]: prescribed coordinates follow their curves, the free ones are integrated from the static equilibrium at t = 0 and the rates at which it moves on (settleFirst), or from
