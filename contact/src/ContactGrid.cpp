@@ -80,6 +80,7 @@ void ContactPair::Impl::buildCompartment(const CompartmentDefinition& c, const C
   out.name = report.name = c.name;
   out.nx = c.nx;
   out.nz = c.nz;
+  out.fixed = c.fixedSurface.get();
   out.moving = c.movingSurface.get();
   if (definition.rule == ContactRule::smooth) out.predictor = std::make_unique<DistancePredictor>(*c.movingSurface);
   const std::vector<GridCell> leaves = findLeaves(c);

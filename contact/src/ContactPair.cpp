@@ -98,6 +98,8 @@ void ContactWorkspace::reset() {
     std::fill(m.distance_m.begin(), m.distance_m.end(), 0.0);
     std::fill(m.onBorder.begin(), m.onBorder.end(), char{0});
     std::fill(m.visit.begin(), m.visit.end(), 0u);
+    m.peakFoot = TrackedFoot{};
+    m.peakFoot.patch = -1;
     for (TrackedFoot& foot : m.feet) {
       foot = TrackedFoot{};
       foot.patch = -1;

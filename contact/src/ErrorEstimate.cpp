@@ -114,7 +114,7 @@ struct Calibration {
 };
 constexpr double kEdge = 0.4;        // share of half a cell's width of the end of the surface: 0.29 is its standard deviation
 constexpr double kCellsOfMean = 0.3; // the mean is less sensitive than force and area are, which err together
-constexpr Calibration kFineSmooth = {{1.5, 1.5, 1.5, 1.5, 1.5}, {2, 2, 3, 2, 2}, 0, {}, {}, 0.004};
+constexpr Calibration kFineSmooth = {{1.5, 1.5, 1.5, 1.5, 1.5}, {2, 2, 3, 2, 2}, 0, {}, {}, 0.0001};
 constexpr Calibration kFineCentre = {{2, 2, 2, 2, 2}, {2, 2, 2, 2, 2}, 0, {}, {}, 0.35};
 constexpr double kCellsSmooth = 1.0, kCellsCentre = 0.6;  // fine companion: of the root of the cells' squares, times a
 constexpr Calibration kCoarseSmooth = {{0.28, 0.28, 0.4, 0.45, 0.5}, {1.5, 1.5, 2.5, 1.5, 3}, 3, {0.03, 0.03, 0.01, 0.04, 0.03},

@@ -306,9 +306,9 @@ class SmoothEvaluation {
       kernels_.sumStiffness(grid_, words, varies ? calcThicknessSlope : nullptr, this, stiffness_);
     }
     countNodes();
-    findPeak();
+    const double largest_Pa = findPeak();
     // Polynomials through points on both sides of a wall overshoot, at worst below zero. What rounding leaves of a faint touch is none.
-    const double rounding_N = 1e-9 * load_.peakPressure_Pa * std::abs(load_.area_m2), cell_m = c_.cellSize_m;
+    const double rounding_N = 1e-9 * largest_Pa * std::abs(load_.area_m2), cell_m = c_.cellSize_m;
     const bool negative = load_.scalarForce_N < -rounding_N || load_.area_m2 < -1e-9 * cell_m * cell_m || load_.energy_J < -rounding_N * cell_m;
     load_.unresolvedCompartments = negative ? 1 : 0;
   }
@@ -610,25 +610,108 @@ class SmoothEvaluation {
     return true;
   }
 
-  /** Largest point value of the strain field; the pressure grows with it. */
-  void findPeak() {
-    PeakStrain peak;
-    kernels_.findPeak(grid_, memory_.tasks.data(), static_cast<int>(memory_.tasks.size()), peak);
-    if (peak.element < 0) return;
-    load_.maxStrain = peak.strain;
-    const auto& stencil = c_.stencil[static_cast<size_t>(peak.element)];
-    const StencilWeights& T = stencilWeights(peak.mask);
-    const double monomial[kMonomials] = {1, peak.xi, peak.eta, peak.xi * peak.xi, peak.eta * peak.eta, peak.xi * peak.eta};
-    double factor = 0, share = 0;
+  /** A place on the fixed surface between the nodes, looked at as a node is. */
+  struct Probe {
+    double place[kPlaceStride];
+    TrackedFoot foot;
+    TrackedHit hit;
+    NodeField field;
+    char usable = 0;
+    double s = 0, r = 0, share = 0;
+    alignas(64) double load[kLoadStride];
+  };
+
+  /** False where there is no contact to be known of. */
+  bool probe(const PeakPlace& at, Probe& out) {
+    const auto& stencil = c_.stencil[static_cast<size_t>(at.cell)];
+    const StencilWeights& T = stencilWeights(at.mask);
+    const double monomial[kMonomials] = {1, at.xi, at.eta, at.xi * at.xi, at.eta * at.eta, at.xi * at.eta};
+    Vec3 A = Vec3::Zero();
+    double h_m = 0, least_m = kAlways, most_m = 0;
     for (size_t n = 0; n < kStencil; ++n) {
       double w = 0;
       for (int c = 0; c < kMonomials; ++c) w += T.T[c][n] * monomial[c];
       if (w == 0) continue;
-      load_.peakPoint_F += w * c_.p_FA[static_cast<size_t>(stencil[n])];
-      factor += w * memory_.field[static_cast<size_t>(stencil[n])].factor;
-      if (grid_.share != nullptr) share += w * grid_.share[stencil[n]];
+      const auto k = static_cast<size_t>(stencil[n]);
+      A += w * c_.p_FA[k];
+      h_m += w * c_.hF_m[k];
+      least_m = std::min(least_m, c_.hF_m[k]);
+      most_m = std::max(most_m, c_.hF_m[k]);
     }
-    load_.peakPressure_Pa = law_.calcPressure(peak.strain, share) * std::max(0.0, factor);
+    // From the polynomial onto the surface.
+    TrackedFoot& base = memory_.peakFoot;
+    const int first = 0;
+    trackFeet(*c_.fixed, A.data(), &first, 1, &base, FootDerivatives::first);
+    if (base.status == QueryStatus::notConverged) return false;
+    A = c_.fixed->patch(base.patch).calcPoint(base.u, base.v);
+    const Eigen::Map<const Vec3> n_F(base.normal);
+    if (!(n_F.dot(c_.normal_F[static_cast<size_t>(at.cell)]) > 0)) return false;
+    // A polynomial through a parabola leaves the nodes by a quarter of their range at most; a step of the thickness must not look thin.
+    const double beyond_m = std::min(0.25 * (most_m - least_m), 0.125 * least_m);
+    h_m = std::min(std::max(h_m, least_m - beyond_m), most_m + beyond_m);
+    std::copy(A.data(), A.data() + 3, out.place);
+    out.place[3] = 0;
+    std::copy(n_F.data(), n_F.data() + 3, out.place + 4);
+    out.place[7] = h_m;
+
+    const Vec3 p_MA = R_MF_ * A - offset_M_;
+    out.foot = memory_.feet[static_cast<size_t>(at.cell)];
+    trackFeet(*c_.moving, p_MA.data(), &first, 1, &out.foot, FootDerivatives::first);
+    double hM_m = 0;
+    if (byRay_) {
+      const Vec3 n_M = R_MF_ * n_F;
+      out.hit = memory_.hits[static_cast<size_t>(at.cell)];
+      trackHits(*c_.moving, p_MA.data(), n_M.data(), &first, 1, &out.hit);
+      if (out.hit.status != HitStatus::hit) return false;
+      hM_m = calcMovingThickness(out.hit.p_MC[1], {out.hit.patch, out.hit.u, out.hit.v});
+    } else {
+      if (out.foot.status != QueryStatus::converged) return false;
+      hM_m = calcMovingThickness(out.foot.calcFoot_m(1), {out.foot.patch, out.foot.u, out.foot.v});
+    }
+    if (std::isnan(hM_m)) return false;
+    out.field.hM_m = hM_m;
+    out.usable = 1;
+    CellGrid one = grid_;
+    one.place = out.place;
+    one.feet = &out.foot;
+    one.hits = byRay_ ? &out.hit : nullptr;
+    one.field = &out.field;
+    one.usable = &out.usable;
+    one.s = &out.s;
+    one.r = &out.r;
+    one.share = grid_.share == nullptr ? nullptr : &out.share;
+    one.load = out.load;
+    kernels_.setNodes(one, &first, 1);
+    return true;
+  }
+
+  /** Largest strain that is met at a node or at the place between them that promises most; the pressure grows with it. Returns a
+   pressure that no cell's polynomial goes beyond. */
+  double findPeak() {
+    PeakPlace peak;
+    kernels_.findPeak(grid_, memory_.tasks.data(), static_cast<int>(memory_.tasks.size()), peak);
+    if (peak.node < 0) return 0;
+    const auto node = static_cast<size_t>(peak.node);
+    const double share = grid_.share != nullptr ? grid_.share[node] : 0, factor = memory_.field[node].factor;
+    Probe between;
+    if (peak.cell >= 0 && probe(peak, between) && between.s * between.r > std::max(0.0, peak.nodeStrain)) {
+      load_.maxStrain = between.s * between.r;
+      load_.peakPressure_Pa = law_.calcPressure(load_.maxStrain, between.share) * between.field.factor;
+      load_.peakPoint_F = Eigen::Map<const Vec3>(between.place);
+    } else if (peak.nodeStrain > 0) {
+      load_.maxStrain = peak.nodeStrain;
+      load_.peakPressure_Pa = law_.calcPressure(peak.nodeStrain, share) * factor;
+      load_.peakPoint_F = c_.p_FA[node];
+    }
+    const bool isMissed = !(load_.maxStrain > 0) && load_.scalarForce_N > 0;
+    if (!isMissed && !(load_.scalarForce_N < 0) && !(load_.energy_J < 0)) return load_.peakPressure_Pa;
+    const double largest_Pa = law_.calcPressure(peak.largest, share) * factor;
+    // Contact of a few cells, on a grid that is too coarse or as faint as the polynomials' error, that no place looked at has met.
+    if (isMissed) {
+      load_.peakPressure_Pa = std::min(load_.meanPressure_Pa, largest_Pa);
+      load_.peakPoint_F = load_.centerOfPressure_F;
+    }
+    return largest_Pa;
   }
 
   const PairData& impl_;

@@ -508,6 +508,55 @@ TEST(SmoothRule, ASphereSlidesOverTheGridWithoutRipple) {
   EXPECT_LT(std::sqrt(sum / kSteps), 2e-5);
 }
 
+/** y = x^2/(2 R) + g(z) over |x| < 10 mm, -12 mm < z: g is 0 up to 4 mm. There the surface ends, or rises 1.5 times as fast as z within
+ half a millimetre and ends at 9 mm. */
+std::shared_ptr<const ContactSurface> makeRunner(double R, bool turns) {
+  constexpr double half = 0.010, step = 0.0005, from = -0.012, edge = 0.004;
+  NurbsPatchData d;
+  d.degreeU = d.degreeV = 2;
+  d.knotsU = {0, 0, 0, 1, 1, 1};
+  d.numU = 3;
+  const double to = turns ? 0.009 : edge;
+  d.numV = static_cast<int>(std::lround((to - from) / step)) + 2;
+  d.knotsV = clampedKnots(d.numV, 2, from, to);
+  const double x[3] = {-half, 0, half}, y[3] = {half * half / (2 * R), -half * half / (2 * R), half * half / (2 * R)};  // Bezier, exact
+  for (size_t i = 0; i < 3; ++i) {
+    for (size_t j = 0; j < static_cast<size_t>(d.numV); ++j) {
+      const double z = 0.5 * (d.knotsV[j + 1] + d.knotsV[j + 2]);  // Greville: z is linear in v
+      d.points.push_back(Vec3(x[i], y[i] + 1.5 * std::max(0.0, z - edge), z));
+    }
+  }
+  d.flipNormal = NurbsPatch(d).calcNormal(0.5, 0).y() > 0;
+  std::vector<NurbsPatch> patches;
+  patches.emplace_back(std::move(d));
+  return share(std::move(patches));
+}
+
+TEST(SmoothRule, ThePeakBesideAnEdgeIsOneThatTheSurfacesHave) {
+  // The runner's lowest line lies D deep in a flat layer: nowhere more than K D / h, and that all along it. Cells of 1.5 mm: beside the
+  // edge one neighbor is up to 2 mm above the layer, and a parabola through its centre overshoots by an eighth of that, ten times D.
+  // The place is found up to what a parabola leaves out of the distance, dx^4/(8 R^3) = 2.3e-8 m, 1.2e-3 of D, which is met within
+  // 0.025 dx of the line. Above is only the distance's tolerance of 1e-13 m, 1e-8 of D.
+  const double R = 0.030, h = 0.006, D = 0.02e-3;
+  const double peak = uhmwpe().confinementFactor() * uhmwpe().E_Pa * D / h;
+  for (const bool turns : {true, false}) {
+    const auto runner = makeRunner(R, turns);
+    for (const DistanceMethod distance : {DistanceMethod::minimum, DistanceMethod::ray}) {
+      for (int phase = 0; phase < 12; ++phase) {
+        auto d = makeScene(share(makePlane(h, 0, 0, Solid::below, 0.05)), runner, constantThickness(h), uhmwpe(), 0.009, 12, 1.3e-4 * phase,
+                           1.5e-3 * phase / 12);
+        d.distance = distance;
+        const ContactResult r = ContactPair(d).evaluate(JointCoordinates{0, 0, 0, 0, h - D, 0});
+        EXPECT_LT(r.total.peakPressure_Pa, peak * (1 + 1e-7)) << turns << ' ' << phase;
+        EXPECT_GT(r.total.peakPressure_Pa, peak * (1 - 1.2e-3)) << turns << ' ' << phase;
+        EXPECT_NEAR(r.total.maxStrain, D / h, 1.2e-3 * D / h);
+        EXPECT_LT(std::abs(r.total.peakPoint_F.x()), 0.025 * 1.5e-3);
+        EXPECT_LT(r.total.peakPoint_F.z(), 4e-3);
+      }
+    }
+  }
+}
+
 TEST(SmoothRule, ContactSmallerThanACell) {
   // R = 30 mm, D = 1 um: contact radius 0.24 mm on cells of 1 mm. The gap is nearly a paraboloid, so that the polynomial of a
   // cell knows it: the area to (cell/R)^2/12 = 1e-4 of curvature, relative to D that is cell^4/(8 R^3 D) < 5e-3.

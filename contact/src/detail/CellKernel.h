@@ -107,10 +107,13 @@ constexpr int kCellWeights = 20, kBySOffset = 20, kByROffset = 68, kByShareOffse
 struct NetSums {
   double force[3], moment[3], scalar, area, weighted[3], energy;
 };
-struct PeakStrain {
-  double strain;   // <= 0: none
-  int element, mask;
+/** Where the largest strain may be: at a node, or between the nodes, in `cell` at (xi, eta). */
+struct PeakPlace {
+  double nodeStrain;  // the largest of the cells' own nodes
+  int node;           // -1: no cell
+  int cell, mask;     // -1: nowhere more than at `node`
   double xi, eta;
+  double largest;     // that any cell's polynomial says, right or not
 };
 /** d(load)/d(motion v, w of M at Fo), row by row (8 numbers each, 6 used); the same for its rate with damping. */
 struct StiffnessSums {
@@ -134,7 +137,7 @@ struct CellKernels {
   /** Sums over touched nodes, ascending. */
   void (*sum)(const CellGrid&, int numWords, bool withEnergy, NetSums&);
   void (*sumStiffness)(const CellGrid&, int numWords, ThicknessSlope, const void* self, StiffnessSums&);
-  void (*findPeak)(const CellGrid&, const CellTask*, int count, PeakStrain&);
+  void (*findPeak)(const CellGrid&, const CellTask*, int count, PeakPlace&);
   // One cell, with the coefficients S of s and R of r (CellRule.h):
   /** int_{s>0} xi^a eta^b, 15 moments. */
   void (*calcRimArea)(const double* S, double* moments);

@@ -434,26 +434,67 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
   }
 }
 
-/** Largest point value of the strain field; the pressure grows with it. */
-void findPeak(const CellGrid& g, const CellTask* tasks, int count, PeakStrain& peak) {
-  peak = {0, -1, 0, 0, 0};
-  double best = 0;
-  for (int i = 0; i < count; ++i) best = larger(best, g.s[tasks[i].element] * g.r[tasks[i].element]);
-  for (int i = 0; i < count; ++i) {
-    const int e = tasks[i].element;
-    const int* stencil = g.stencil + 9 * e;
-    double strain[kStencil], E[kMonomials];
-    for (int n = 0; n < kStencil; ++n) {
-      const int k = stencil[n];
-      strain[n] = k >= 0 && g.usable[k] ? g.s[k] * g.r[k] : 0;
+/** Coefficients of the strain in a cell. */
+inline void calcStrain(const CellGrid& g, const CellTask& task, double E[kMonomials]) {
+  const int* stencil = g.stencil + 9 * task.element;
+  double strain[kStencil];
+  for (int n = 0; n < kStencil; ++n) {
+    const int k = stencil[n];
+    strain[n] = k >= 0 && g.usable[k] ? g.s[k] * g.r[k] : 0;
+  }
+  calcCoefficients(strain, task.mask, E);
+}
+
+/** The polynomial of the neighbor on one side of a cell, at (xi, eta) of the neighbor; 0 where it does not touch. */
+inline double evaluateNeighbor(const CellGrid& g, const CellTask* tasks, int count, int element, double xi, double eta) {
+  int low = 0, high = count;  // tasks are in element order
+  while (low < high) {
+    const int middle = (low + high) / 2;
+    if (tasks[middle].element < element) {
+      low = middle + 1;
+    } else {
+      high = middle;
     }
-    calcCoefficients(strain, tasks[i].mask, E);
-    if (!(upperBound(E) > best) && !(E[0] >= best)) continue;
+  }
+  if (low == count || tasks[low].element != element) return 0;
+  double E[kMonomials];
+  calcStrain(g, tasks[low], E);
+  return evaluateAt(E, xi, eta);
+}
+
+/** The place with the largest strain. Where the surface turns away within a cell, its polynomial overshoots beyond the turn, and those of
+ its neighbors do not: a place between the nodes counts as much as the least of them says, less what they differ by. */
+void findPeak(const CellGrid& g, const CellTask* tasks, int count, PeakPlace& peak) {
+  peak = {-1e300, -1, -1, 0, 0, 0, 0};
+  for (int i = 0; i < count; ++i) {
+    const int k = tasks[i].element;
+    const double strain = g.s[k] * g.r[k];
+    if (!(strain > peak.nodeStrain)) continue;
+    peak.nodeStrain = strain;
+    peak.node = k;
+  }
+  const double least = peak.largest = larger(peak.nodeStrain, 0.0);
+  double best = least, bestOwn = least;
+  for (int i = 0; i < count; ++i) {
+    double E[kMonomials];
+    calcStrain(g, tasks[i], E);
+    if (!(upperBound(E) > best)) continue;
     double xi = 0, eta = 0;
-    const double value = findMaximum(E, xi, eta);
-    if (value > peak.strain && value >= best) {
-      peak = {value, e, tasks[i].mask, xi, eta};
+    const double own = findMaximum(E, xi, eta);
+    if (!(own > least)) continue;
+    peak.largest = larger(peak.largest, own);
+    const int* stencil = g.stencil + 9 * tasks[i].element;
+    double value = own;
+    if (xi != 0) value = smaller(value, evaluateNeighbor(g, tasks, count, stencil[xi > 0 ? 1 : 2], xi - __builtin_copysign(1, xi), eta));
+    if (eta != 0) value = smaller(value, evaluateNeighbor(g, tasks, count, stencil[eta > 0 ? 3 : 4], xi, eta - __builtin_copysign(1, eta)));
+    value = larger(value - (own - value), larger(E[0], 0.0));
+    if (value > best || (value == best && own > bestOwn)) {
       best = value;
+      bestOwn = own;
+      peak.cell = tasks[i].element;
+      peak.mask = tasks[i].mask;
+      peak.xi = xi;
+      peak.eta = eta;
     }
   }
 }

@@ -48,7 +48,7 @@ struct Compartment {
   int nx = 0, nz = 0;
   bool wraps = false;     // a full turn: elements ix = 0 and ix = nx - 1 are neighbors
   double cellSize_m = 0;  // square root of dx dz, or of the mean element area on a round element surface
-  const ContactSurface* moving = nullptr;
+  const ContactSurface *fixed = nullptr, *moving = nullptr;
   const ThicknessMap* map = nullptr;
   std::unique_ptr<DistancePredictor> predictor;  // smooth rule
   int elements = 0;
@@ -106,6 +106,7 @@ struct CompartmentMemory {
   std::vector<int> nodes;              // queried in this evaluation: the first numNodes
   size_t numNodes = 0;
   Numbers query;
+  TrackedFoot peakFoot;                // on the fixed surface, of the last place between nodes where the peak was sought
   // Smooth rule, of elements:
   std::vector<int> due, candidates, candidateMask;
   Numbers candidateBound;

@@ -138,7 +138,7 @@ struct NetLoad {
   Vec3 forceOnM_F = Vec3::Zero();       ///< [N]
   Vec3 momentOnM_Fo_F = Vec3::Zero();   ///< about Fo [N m]
   double scalarForce_N = 0;             ///< sum of p dA
-  double peakPressure_Pa = 0;           ///< largest point value (smooth rule: of the field between the centres too)
+  double peakPressure_Pa = 0;           ///< largest point value met (smooth rule: at the centres and one place between them)
   Vec3 peakPoint_F = Vec3::Zero();      ///< where [m]
   double meanPressure_Pa = 0;           ///< sum(p dA) / sum(dA) over active elements
   double area_m2 = 0;
