@@ -52,15 +52,7 @@ class SundialsDriver : public OdeIntegrator {
 
   int worstComponent() override {
     if (!dense_ || getErrors(dense_.get()) != 0) return -1;
-    const auto& tolerances = problem_.absoluteTolerances();
-    const double* errors = N_VGetArrayPointer(dense_.get());
-    int worst = -1;
-    double largest = 0;
-    for (size_t i = 0; i < tolerances.size(); ++i) {
-      const double share = std::abs(errors[i]) / tolerances[i];
-      if (share > largest) largest = share, worst = static_cast<int>(i);
-    }
-    return worst;
+    return model::findWorst(N_VGetArrayPointer(dense_.get()), problem_.absoluteTolerances());
   }
 
   void limitStep(double longest) override {
@@ -376,6 +368,8 @@ class Arkode : public SundialsDriver {
     if (step_s_ <= 0) ARKStepSetMaxStep(memory_, h);
   }
   bool setUp() override {
+    depth_ = 0;
+    part_ = halvings_ = 0;
     memory_ = ARKStepCreate(nullptr, rightSide, time_, y_.get(), context_.value);
     if (memory_ == nullptr) return fail("ARKODE could not be made");
     makeLinearSolver();

@@ -70,6 +70,18 @@ class Run {
     result_.statusText = "complete";
   }
 
+  /** Impacts whose speed is not large against the error of a step: measured on dropped bodies (docs/stability.md), forces within 5 % want a tolerance of
+   5e-4 of it. Slow touches, below 20 mm/s, are part of walking. */
+  std::string describeImpact(double tolerance_mPerS) const {
+    constexpr double kShare = 5e-4, kSlow_mPerS = 0.02;
+    if (fastestImpact_ < kSlow_mPerS || tolerance_mPerS <= kShare * fastestImpact_) return {};
+    std::ostringstream text;
+    text.precision(3);
+    text << "at t = " << impactTime_ << " s contact begins with " << 1e3 * fastestImpact_ << " mm/s: what follows such an impact, its time and its forces above all, is uncertain at an error of "
+         << 1e3 * tolerance_mPerS << " mm/s a step; try accuracy: " << kShare * fastestImpact_ / 10;
+    return text.str();
+  }
+
   const OdeIntegrator::Statistics& statistics() const { return counts_; }
 
  private:
@@ -134,20 +146,6 @@ class Run {
     impactTime_ = t;
   }
 
- public:
-  /** Impacts whose speed is not large against the error of a step: measured on dropped bodies (docs/stability.md), forces within 5 % want a tolerance of
-   5e-4 of it. Slow touches, below 20 mm/s, are part of walking. */
-  std::string describeImpact(double tolerance_mPerS) const {
-    constexpr double kShare = 5e-4, kSlow_mPerS = 0.02;
-    if (fastestImpact_ < kSlow_mPerS || tolerance_mPerS <= kShare * fastestImpact_) return {};
-    std::ostringstream text;
-    text.precision(3);
-    text << "at t = " << impactTime_ << " s contact begins with " << 1e3 * fastestImpact_ << " mm/s: what follows such an impact, its time and its forces above all, is uncertain at an error of "
-         << 1e3 * tolerance_mPerS << " mm/s a step; try accuracy: " << kShare * fastestImpact_ / 10;
-    return text.str();
-  }
-
- private:
   /** Adds what the integrator has done since it was initialized. */
   void count() {
     const OdeIntegrator::Statistics more = integrator_.statistics();
@@ -263,6 +261,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   if (gait.settleFirst) {
     scene::StaticSpec settings = scene.staticAnalysis.value_or(scene::StaticSpec{});
     settings.time_s = 0;
+    settings.search.reset();
     if (settings.method == scene::StaticSpec::Method::both) settings.method = scene::StaticSpec::Method::newton;
     bool stopped = false;
     // Settling takes a few per cent of a run: it only asks whether to stop.

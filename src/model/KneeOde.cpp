@@ -158,6 +158,7 @@ void KneeOde::calcResidual(SimTK::State& state, const double* y, const double* y
 OdeProblem::Evaluation KneeOde::calcResidual(double t, const double* y, const double* ydot, const double* multipliers, double* residual) noexcept {
   try {
     setState(state_, t, y);
+    if (isNearGimbalLock()) return Evaluation::retry;
     knee_.system().realize(state_, SimTK::Stage::Velocity);
     if (!checkStatus()) return Evaluation::retry;
     calcResidual(state_, y, ydot, multipliers, residual);
@@ -167,6 +168,7 @@ OdeProblem::Evaluation KneeOde::calcResidual(double t, const double* y, const do
       return Evaluation::retry;
     }
     touched_ = touched_ || hasContact();
+    lastRates_.assign(ydot, ydot + size());
     failure_.clear();
     return Evaluation::ok;
   } catch (const std::exception& error) {

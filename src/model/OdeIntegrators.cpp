@@ -44,16 +44,6 @@ std::vector<std::string> integratorNames() {
   return names;
 }
 
-int findWorst(const double* errors, const std::vector<double>& tolerances) {
-  int worst = -1;
-  double largest = 0;
-  for (size_t i = 0; i < tolerances.size(); ++i) {
-    const double share = std::abs(errors[i]) / tolerances[i];
-    if (share > largest) largest = share, worst = static_cast<int>(i);
-  }
-  return worst;
-}
-
 void interpolateCubic(double t, double t0, const std::vector<double>& y0, const std::vector<double>& rate0, double t1,
                       const std::vector<double>& y1, const std::vector<double>& rate1, std::vector<double>& y) {
   const double length = t1 - t0, s = length > 0 ? (t - t0) / length : 1.0, s2 = s * s, s3 = s2 * s;

@@ -11,9 +11,6 @@ std::unique_ptr<OdeIntegrator> makeGeneralizedAlpha(OdeProblem& problem, const O
 std::unique_ptr<OdeIntegrator> makeRungeKuttaMerson(OdeProblem& problem, const OdeSettings& settings);
 std::unique_ptr<OdeIntegrator> makeSemiExplicitEuler(OdeProblem& problem, const OdeSettings& settings);
 
-/** The component with the largest error over its tolerance; -1: none has any. */
-int findWorst(const double* errors, const std::vector<double>& tolerances);
-
 /** y at t in the step from t0 to t1, by the cubic of values and rates at both ends. */
 void interpolateCubic(double t, double t0, const std::vector<double>& y0, const std::vector<double>& rate0, double t1,
                       const std::vector<double>& y1, const std::vector<double>& rate1, std::vector<double>& y);

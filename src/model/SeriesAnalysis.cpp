@@ -14,6 +14,7 @@ scene::Trajectory runSeries(KneeSystem& knee, const scene::Scene& scene, const s
   knee.system().realizeModel(state);
 
   scene::StaticSpec settings = scene.staticAnalysis.value_or(scene::StaticSpec{});
+  settings.search.reset();  // one equilibrium after another, not all of each time
   scene::Trajectory result;
   result.elementColumns = knee.listElementColumns();
   result.statistics.name = "static equilibria";

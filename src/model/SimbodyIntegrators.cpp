@@ -22,6 +22,7 @@ class SimbodyDriver : public OdeIntegrator {
 
   bool initialize(double t0, const std::vector<double>& y0, double stopTime) override {
     if (problem_ == nullptr) return fail(name_ + " integrates multibody systems only");
+    if (integrator_) done_ = countWork();
     integrator_ = make_(problem_->knee().system());
     SimTK::State state = problem_->setState(t0, y0.data());
     const auto& tolerances = problem_->absoluteTolerances();
@@ -45,6 +46,7 @@ class SimbodyDriver : public OdeIntegrator {
     previousRate_ = rate_;
     time_ = previousTime_ = t0;
     try {
+      before_ = countIn(state);  // the copy brings along what was counted before
       integrator_->initialize(state);
     } catch (const std::exception& error) {
       return fail(error.what());
@@ -87,12 +89,21 @@ class SimbodyDriver : public OdeIntegrator {
     s.errorTestFailures = integrator_->getNumErrorTestFailures();
     s.convergenceFailures = integrator_->getNumConvergenceTestFailures();
     s.evaluations = integrator_->getNumRealizations();
-    problem_->setOtherCounters(problem_->knee().contact().getCounters(integrator_->getAdvancedState()));
+    problem_->setOtherCounters(countWork());
     return s;
   }
   const std::string& errorText() const override { return error_; }
 
  private:
+  using Counters = ArticularContactSubsystem::Counters;
+  Counters countIn(const SimTK::State& state) const { return problem_->knee().contact().getCounters(state); }
+  /** Work on States of the integrator's own, of all parts of the run. */
+  Counters countWork() const {
+    const Counters now = countIn(integrator_->getAdvancedState());
+    return {done_.evaluations + now.evaluations - before_.evaluations, done_.copies + now.copies - before_.copies,
+            done_.distanceQueries + now.distanceQueries - before_.distanceQueries};
+  }
+
   static constexpr double kSmallestStep = 1e-10;  // of the run
 
   bool fail(const std::string& what) {
@@ -105,6 +116,7 @@ class SimbodyDriver : public OdeIntegrator {
   Make make_;
   std::unique_ptr<SimTK::Integrator> integrator_;
   double time_ = 0, previousTime_ = 0, stop_ = 0;
+  Counters done_, before_;
   std::vector<double> y_, rate_, previousY_, previousRate_;
   std::string error_;
 };

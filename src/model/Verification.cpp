@@ -69,6 +69,7 @@ scene::Scene apply(const scene::Scene& given, const VerifySetting& setting) {
       part.nz = std::max(2, static_cast<int>(std::lround(part.nz * setting.factorZ)));
     }
   }
+  if (scene.staticAnalysis) scene.staticAnalysis->search.reset();
   if (scene.gait) {
     scene.gait->integrator = setting.integrator;
     if (setting.accuracy > 0) scene.gait->accuracy = setting.accuracy;

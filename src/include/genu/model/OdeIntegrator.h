@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <string>
@@ -81,6 +82,17 @@ class OdeIntegrator {
   virtual Statistics statistics() = 0;
   virtual const std::string& errorText() const = 0;
 };
+
+/** The component with the largest error over its tolerance; -1: none has any. In the header for integrators that do not link Genu::model. */
+inline int findWorst(const double* errors, const std::vector<double>& tolerances) {
+  int worst = -1;
+  double largest = 0;
+  for (size_t i = 0; i < tolerances.size(); ++i) {
+    const double share = std::abs(errors[i]) / tolerances[i];
+    if (share > largest) largest = share, worst = static_cast<int>(i);
+  }
+  return worst;
+}
 
 struct OdeSettings {
   int maxOrder = 0;       ///< of multistep methods; 0: the method's own
