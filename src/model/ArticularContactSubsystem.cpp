@@ -180,7 +180,20 @@ class ArticularContactSubsystem::Guts : public SimTK::ForceSubsystem::Guts {
       }
       count(workspaces.counters, about.at);
     }
+    keep(state, linearizations);
     return linearizations;
+  }
+  /** The loads of linearizations serve as those of the State too. */
+  void keep(const State& state, const std::vector<Linearization>& linearizations) const {
+    size_t damped = 0;
+    for (size_t i = 0; i < pairs.size(); ++i) damped += isDamped(i) ? 1 : 0;
+    if (damped > 0 && damped < pairs.size()) return;
+    const CacheEntryIndex index = damped > 0 ? dampedResultIndex_ : resultIndex_;
+    if (isCacheValueRealized(state, index)) return;
+    Results& results = updValue<Results>(updCacheEntry(state, index));
+    results.resize(pairs.size());
+    for (size_t i = 0; i < pairs.size(); ++i) results[i] = linearizations[i].at;
+    markCacheValueRealized(state, index);
   }
 
   const PairRates& getRates(const State& state) const {

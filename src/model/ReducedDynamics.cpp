@@ -87,7 +87,20 @@ void ReducedDynamics::calcForce(SimTK::State& state, const SimTK::Vector& udot, 
   }
 }
 
-EvaluationStatus ReducedDynamics::calcStaticForce(const VectorXd& z, VectorXd& r) {
+/** At rest. */
+void ReducedDynamics::linearize(const VectorXd& z) {
+  state_.updU() = 0.0;
+  setPose(z);
+  knee_.system().realize(state_, SimTK::Stage::Velocity);
+  about_ = knee_.contact().linearize(state_);
+  aboutZ_ = z;
+}
+
+EvaluationStatus ReducedDynamics::calcStaticForce(const VectorXd& z, VectorXd& r, bool stiffnessToo) {
+  if (stiffnessToo && canLinearize()) {
+    linearize(z);
+    return evaluate(zeroUDot_, r);
+  }
   state_.updU() = 0.0;
   setPose(z);
   return evaluate(zeroUDot_, r);
@@ -110,15 +123,12 @@ EvaluationStatus ReducedDynamics::calcDynamicResidual(const VectorXd& z, const V
 bool ReducedDynamics::calcStiffness(const VectorXd& z, const VectorXd& r0, Eigen::MatrixXd& K) {
   K.resize(numFree(), numFree());
   VectorXd shifted = z, r;
-  if (knee_.contact().numContactPairs() > 0 && knee_.contact().canLinearize()) {
-    state_.updU() = 0.0;
-    setPose(z);
-    knee_.system().realize(state_, SimTK::Stage::Velocity);
-    auto linearizations = knee_.contact().linearize(state_);
-    for (const auto& about : linearizations) {
+  if (canLinearize()) {
+    if (aboutZ_.size() != z.size() || aboutZ_ != z) linearize(z);
+    for (const auto& about : about_) {
       if (!isValid(about.at.status)) return false;
     }
-    knee_.contact().useLinearization(linear_, std::move(linearizations));
+    knee_.contact().useLinearization(linear_, about_);
     VectorXd at;
     setPose(linear_, z);
     calcForce(linear_, zeroUDot_, at);

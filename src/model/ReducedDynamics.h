@@ -29,8 +29,8 @@ class ReducedDynamics {
   /** False: the contact result has no meaning there (full penetration, failed query). */
   static bool isValid(contact::EvaluationStatus status) { return status <= contact::EvaluationStatus::extrapolated; }
 
-  /** Force on the free coordinates at rest. */
-  contact::EvaluationStatus calcStaticForce(const Eigen::VectorXd& z, Eigen::VectorXd& r);
+  /** Force on the free coordinates at rest. `stiffnessToo`: calcStiffness() at the same z is likely to follow; contact is then evaluated once for both. */
+  contact::EvaluationStatus calcStaticForce(const Eigen::VectorXd& z, Eigen::VectorXd& r, bool stiffnessToo = false);
   /** Force minus inertia, r = f(z, v) - M a - bias(z, v): 0 for a motion that obeys the equations of motion. */
   contact::EvaluationStatus calcDynamicResidual(const Eigen::VectorXd& z, const Eigen::VectorXd& v,
                                                 const Eigen::VectorXd& a, Eigen::VectorXd& r);
@@ -59,6 +59,8 @@ class ReducedDynamics {
   contact::EvaluationStatus evaluate(const SimTK::Vector& udot, Eigen::VectorXd& r);
   void calcForce(SimTK::State& state, const SimTK::Vector& udot, Eigen::VectorXd& r);
   void setPose(SimTK::State& state, const Eigen::VectorXd& z) const;
+  bool canLinearize() const { return knee_.contact().numContactPairs() > 0 && knee_.contact().canLinearize(); }
+  void linearize(const Eigen::VectorXd& z);
 
   const KneeSystem& knee_;
   SimTK::State state_, linear_;    // linear_: contact is linear, for the stiffness
@@ -66,6 +68,8 @@ class ReducedDynamics {
   std::vector<int> free_, index_;  // coordinate, and its place in the State's q and u
   std::vector<double> scale_;      // q = scale z
   SimTK::Vector residual_, zeroUDot_, udot_;
+  std::vector<ArticularContactSubsystem::Linearization> about_;  // of contact at aboutZ_
+  Eigen::VectorXd aboutZ_;
   std::string problem_;
 };
 

@@ -94,7 +94,8 @@ class ArticularContactSubsystem : public SimTK::ForceSubsystem {
   };
   /** All pairs have a stiffness (smooth rule). */
   bool canLinearize() const;
-  /** Evaluates every pair with its stiffness. Stage::Velocity. @throws std::invalid_argument a pair without (centre rule) */
+  /** Evaluates every pair with its stiffness; the loads then are those of the State, too. Stage::Velocity.
+   @throws std::invalid_argument a pair without (centre rule) */
   std::vector<Linearization> linearize(const SimTK::State& state) const;
   /** From now on the loads of this State are these, extrapolated, one per pair; empty: evaluated again. Poses near, where the multibody
    system is to be differenced without evaluating contact. Takes effect with the next change of the State's coordinates. */
