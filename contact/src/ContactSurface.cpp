@@ -737,6 +737,7 @@ ContactSurface::ContactSurface(std::vector<NurbsPatch> patches) : patches_(std::
               const double height = (P - leaf.center).dot(leaf.normal);
               leaf.low = std::min(leaf.low, height);
               leaf.high = std::max(leaf.high, height);
+              leaf.reach = std::max(leaf.reach, (P - leaf.center - height * leaf.normal).norm());
             });
             boxes.push_back(box);
             leaf.radius = 0.5 * boxes.back().diagonal().norm();
@@ -886,6 +887,8 @@ ClosestPoint ContactSurface::findClosestPoint(const Vec3& Q, const SurfaceParame
         continue;
       }
     }
+    // With a foot of a point nearby known, as on a border, most pieces are farther than it by their slabs and widths.
+    if (warm && leaf.boundSquaredDistance(Q) > bound) continue;
     bool seen = false;
     for (int k = 0; k < numKnown && !seen; ++k) {
       seen = (known[k] - leaf.center).squaredNorm() < 4 * leaf.radius * leaf.radius;

@@ -65,8 +65,17 @@ struct ContactSurface::Search {
     double u0, u1, v0, v1;
     Vec3 center, normal;
     double low = 0, high = 0;  // the piece lies between these heights above the center, along its normal
+    double reach = 0;  // ... and no farther from the line through the center along its normal
     double radius;  // half diagonal of the piece's box
     double spread;  // bound of |normal - normal at center| over the piece (sampled)
+
+    /** No more than the piece's squared distance from Q: it lies in a cylinder about the line through its center. */
+    double boundSquaredDistance(const Vec3& Q) const {
+      const Vec3 r = Q - center;
+      const double height = r.dot(normal), along = std::max({0.0, low - height, height - high});
+      const double across = std::max(0.0, std::sqrt(std::max(0.0, r.squaredNorm() - height * height)) - reach);
+      return along * along + across * across;
+    }
   };
   struct Node {
     Eigen::AlignedBox3d box;
