@@ -59,7 +59,9 @@ std::vector<CutOff> findCutOffs(const scene::Scene& scene, const std::vector<sce
         return replay({strongest->time_s}, {strongest->q}, alone, {}, false).frames[0].contacts[0].total.scalarForce_N;
       };
       try {
-        const double inside = forceOf(parts[k]), wide = forceOf(withMargin(parts[k], parts));
+        const bool damped = scene.contacts[i].definition.damping_sPerM > 0;  // the frame's force then is not that of its pose alone
+        const double inside = damped ? forceOf(parts[k]) : strongest->contacts[i].compartments[k].scalarForce_N;
+        const double wide = forceOf(withMargin(parts[k], parts));
         if (wide - inside > kToleratedCutOff * inside) result.push_back({scene.contacts[i].name, parts[k].name, strongest->time_s, inside, wide - inside});
       } catch (const std::runtime_error&) {  // nothing that could carry there: no thickness, another surface
       }
