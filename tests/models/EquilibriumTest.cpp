@@ -42,8 +42,8 @@ void expectSoundContact(const Loads& loads, double maxStrain) {
 
 TEST(ShippedScenes, AllAreReadWithoutErrors) {
   for (const char* name :
-       {"artificial_knee/gait.yaml", "artificial_knee/gait_power_law.yaml", "artificial_knee/static.yaml",
-        "natural_knee/static.yaml", "natural_knee/static_large_strain.yaml", "natural_knee/gait.yaml"}) {
+       {"artificial_knee/gait.yaml", "artificial_knee/gait_damped.yaml", "artificial_knee/gait_power_law.yaml", "artificial_knee/static.yaml",
+        "natural_knee/static.yaml", "natural_knee/static_large_strain.yaml", "natural_knee/gait.yaml", "natural_knee/gait_damped.yaml"}) {
     SCOPED_TRACE(name);
     const scene::Scene scene = scene::readScene(modelFolder() / name, {{}, true, {}});
     EXPECT_TRUE(scene.unused.empty());
