@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "KneeOde.h"
+#include "QuietStart.h"
 #include "StaticAnalysis.h"
 #include "genu/model/KneeSystem.h"
 #include "genu/model/OdeIntegrator.h"
@@ -278,8 +279,9 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
       finish();
       return result;
     }
-    q = result.settling->q;
-    qdot = calcEquilibriumRates(knee, state, q, 0);
+    const QuietStart start = findQuietStart(knee, state, result.settling->q);
+    q = start.q;
+    qdot = start.qdot;
   } else {
     for (int i = 0; i < knee.numCoordinates(); ++i) {
       if (knee.isPrescribed(i)) continue;

@@ -54,6 +54,14 @@ VectorXd ReducedDynamics::scaled(const scene::Coordinates& q) const {
   return z;
 }
 
+scene::Coordinates ReducedDynamics::coordinateRates(const VectorXd& v) const {
+  scene::Coordinates qdot(static_cast<size_t>(knee_.numCoordinates()), 0.0);
+  for (int k = 0; k < numFree(); ++k) qdot[static_cast<size_t>(free_[static_cast<size_t>(k)])] = scale_[static_cast<size_t>(k)] * v[k];
+  return qdot;
+}
+
+VectorXd ReducedDynamics::scales() const { return Eigen::Map<const VectorXd>(scale_.data(), numFree()); }
+
 void ReducedDynamics::setPose(SimTK::State& state, const VectorXd& z) const {
   SimTK::Vector& q = state.updQ();
   for (int k = 0; k < numFree(); ++k) q[index_[static_cast<size_t>(k)]] = scale_[static_cast<size_t>(k)] * z[k];

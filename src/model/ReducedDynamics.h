@@ -25,6 +25,10 @@ class ReducedDynamics {
 
   scene::Coordinates coordinates(const Eigen::VectorXd& z) const;
   Eigen::VectorXd scaled(const scene::Coordinates& q) const;
+  /** Rates of all coordinates, 0 for prescribed ones. */
+  scene::Coordinates coordinateRates(const Eigen::VectorXd& v) const;
+  /** q = scales z. */
+  Eigen::VectorXd scales() const;
 
   /** False: the contact result has no meaning there (full penetration, failed query). */
   static bool isValid(contact::EvaluationStatus status) { return status <= contact::EvaluationStatus::extrapolated; }
