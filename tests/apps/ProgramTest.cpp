@@ -318,10 +318,12 @@ TEST_F(Runs, CheckRefusesWhatTheRunRefuses) {
     const Outcome check = run({"check", "wrong.yaml"}), ran = run({command, "wrong.yaml", "--output", "out"});
     EXPECT_EQ(check.exitCode, 2) << check.out << check.err;
     EXPECT_EQ(ran.exitCode, 2) << ran.err;
-    EXPECT_EQ(check.err, ran.err);
+    EXPECT_THAT(ran.err, ::testing::EndsWith(check.err));  // it may have warned before
     for (const std::string& part : parts) EXPECT_THAT(check.err, HasSubstr(part));
     const Outcome explained = run({"explain", "wrong.yaml"});
-    if (command == "gait") EXPECT_EQ(explained.err, ran.err);
+    if (command == "gait") {
+      EXPECT_EQ(explained.err, check.err);
+    }
   }
 }
 
