@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "Console.h"
 #include "genu/contact/TaskRunner.h"
 #include "genu/contact/Types.h"
+#include "genu/report/OutputFolder.h"
 #include "genu/scene/Scene.h"
 #include "genu/scene/SceneFile.h"
 #include "genu/scene/Trajectory.h"
@@ -80,6 +82,8 @@ int runExplainCommand(const std::filesystem::path& scene, const CommonOptions& c
 std::unique_ptr<const contact::TaskRunner> makeTaskRunner(int threads);
 /** Whether this build has threads for evaluations. */
 bool hasThreads();
+/** Ends a results folder: draws the scripts in its plots/ where plots are wanted, adds `files` to the summary, writes it and commits. */
+void drawAndCommit(report::OutputFolder& out, const std::vector<std::string>& scripts, bool noPlots, nlohmann::ordered_json& summary);
 /** One line each on stderr: what scene::listWarnings says. */
 void warnAbout(const scene::Scene& scene);
 

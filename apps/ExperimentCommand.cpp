@@ -11,8 +11,6 @@
 #include "genu/io/Suggest.h"
 #include "genu/io/Units.h"
 #include "genu/model/Experiments.h"
-#include "genu/report/Gnuplot.h"
-#include "genu/report/OutputFolder.h"
 
 namespace genu::app {
 namespace fs = std::filesystem;
@@ -265,13 +263,7 @@ int runExperimentCommand(const ExperimentOptions& options, const CommonOptions& 
   }
   io::writeFileAtomically(out.file("plots/" + options.name + ".dat"), data);
   io::writeFileAtomically(out.file("plots/" + options.name + ".gp"), script);
-  if (!options.noPlots) {
-    const report::DrawResult drawn = report::runGnuplot(out.staging() / "plots", {options.name + ".gp"});
-    if (!drawn.problem.empty()) spdlog::warn("plots: {}", drawn.problem);
-  }
-  json["files"] = out.listFiles();
-  io::writeFileAtomically(out.file("summary.json"), json.dump(2) + "\n");
-  out.commit();
+  drawAndCommit(out, {options.name + ".gp"}, options.noPlots, json);
   fmt::print("Results: {}\n", folder.string());
   if (wasInterrupted()) return kInterrupted;
   return complete ? kOk : kComputationFailed;

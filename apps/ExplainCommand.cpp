@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "Commands.h"
 #include "genu/contact/ContactPair.h"
@@ -251,16 +252,27 @@ void explainAnalyses(const Scene& scene) {
     return;
   }
   const scene::StaticSpec s = scene.staticAnalysis.value_or(scene::StaticSpec{});
-  const char* method = s.method == scene::StaticSpec::Method::newton          ? "Newton"
+  const char* method = s.method == scene::StaticSpec::Method::newton          ? "Newton, after it implicit Euler and Newton again where it does not converge"
                        : s.method == scene::StaticSpec::Method::implicitEuler ? "implicit Euler with damping"
-                       : s.method == scene::StaticSpec::Method::kinsol        ? "KINSOL"
+                       : s.method == scene::StaticSpec::Method::kinsol        ? "KINSOL, after it implicit Euler and Newton where it does not converge"
                                                                               : "Newton and implicit Euler, compared";
   fmt::print("\nAnalyses:\n  static{}: {}, at t = {:g} s\n", scene.staticAnalysis ? "" : " (defaults)", method,
              s.time_s);
+  if (s.search) {
+    fmt::print("    search: {} starts, up to {} and {} away\n", s.search->starts, io::formatQuantity(s.search->translation_m, "mm"),
+               io::formatQuantity(s.search->angle_rad, "deg"));
+  }
   if (scene.gait) {
-    fmt::print("  gait: {:g} s, output every {:g} s, integrator {}, accuracy {:g}{}\n", scene.gait->duration_s,
-               scene.gait->outputInterval_s, model::chooseIntegrator(scene.gait->integrator), scene.gait->accuracy,
-               scene.gait->settleFirst ? ", settled first" : "");
+    const scene::GaitSpec& g = *scene.gait;
+    const auto [kind, constraints] = model::chooseGaitMethod(scene);
+    const std::string steps = kind->step == model::OdeIntegratorKind::Step::fixed || g.step_s > 0
+                                  ? "fixed steps" + (g.step_s > 0 ? " of " + io::formatQuantity(g.step_s, "s") : std::string())
+                                  : fmt::format("accuracy {:g}", g.accuracy);
+    fmt::print("  gait: {:g} s, output every {:g} s, integrator {} ({}), {}{}{}\n", g.duration_s, g.outputInterval_s, kind->name, kind->library, steps,
+               g.maxOrder > 0 ? fmt::format(", order {} at most", g.maxOrder) : "", g.settleFirst ? ", settled first" : "");
+    const bool prescribed = std::any_of(scene.model->coordinates.begin(), scene.model->coordinates.end(),
+                                        [](const auto& c) { return std::holds_alternative<scene::PrescribedCoordinate>(c); });
+    if (prescribed) fmt::print("    prescribed coordinates: {}\n", constraints ? "unknowns with constraints" : "eliminated");
   }
   if (scene.series) fmt::print("  series: static equilibria over {:g} s, every {:g} s\n", scene.series->duration_s, scene.series->outputInterval_s);
 }
@@ -269,6 +281,69 @@ void explainEvaluation() {
   fmt::print("\nEvaluation:\n  instruction set in use: {}\n  threads: {}\n", contact::activeInstructionSet(),
              hasThreads() ? "1; --threads N of contact, replay, static, series and gait uses more (smooth rule)" : "1; this build has no more");
   fmt::print("  error estimate: replay gives one with every load, contact with --error; none in static and gait\n");
+}
+
+bool hasOwnStates(const Built& built) {
+  model::KneeSystem knee(built.scene, built.pairs);
+  SimTK::State state = knee.system().realizeTopology();
+  knee.system().realizeModel(state);
+  return std::any_of(knee.elements().begin(), knee.elements().end(), [&state](const auto& element) { return !element->states(state).empty(); });
+}
+
+/** Of solvers and integrators. */
+void listMethodsLeftOut(const Built& built, bool prescribed, std::vector<std::string>& left) {
+  const Scene& scene = built.scene;
+  using Kind = model::OdeIntegratorKind;
+  const scene::StaticSpec statics = scene.staticAnalysis.value_or(scene::StaticSpec{});
+  using Method = scene::StaticSpec::Method;
+  if (statics.method == Method::newton) left.emplace_back("implicit Euler in statics: only where Newton's method does not converge");
+  if (statics.method == Method::implicitEuler) left.emplace_back("Newton's method in statics: the method is implicit-euler");
+  if (statics.method != Method::both) left.emplace_back("comparison of two static methods: the method is not both");
+  if (!statics.search) left.emplace_back("search for further equilibria: no static.search");
+  if (!scene.series) left.emplace_back("series of equilibria: no series analysis");
+  std::optional<model::GaitMethod> gait;
+  if (scene.gait) gait = model::chooseGaitMethod(scene);
+  const auto kinds = model::listOdeIntegrators();
+  const auto isOfSundials = [](const Kind& kind) { return kind.library.find("SUNDIALS") != std::string::npos; };
+  const bool integrates = gait && isOfSundials(*gait->kind), solves = statics.method == Method::kinsol;
+  if (std::none_of(kinds.begin(), kinds.end(), isOfSundials)) {
+    left.emplace_back("SUNDIALS with KINSOL: this build has none");
+  } else {
+    if (!integrates) {
+      left.push_back("SUNDIALS' integrators: loaded, none called; " +
+                     (gait ? "the integrator " + gait->kind->name + " is " + gait->kind->library + "'s" : std::string("no gait analysis")));
+    } else {
+      left.push_back("the rest of SUNDIALS' integrators: loaded, not called; only " + gait->kind->library + " is");
+    }
+    if (!solves) left.emplace_back("KINSOL: static.method is not kinsol");
+  }
+  if (!gait) {
+    left.emplace_back("time integration, integrators, step control: no gait analysis");
+    return;
+  }
+  if (!scene.gait->settleFirst) left.emplace_back("static analysis before the gait: settle_first is false");
+  if (prescribed && !gait->constraints) {
+    left.emplace_back("projection onto constraints: prescribed coordinates are eliminated");
+    if (!hasOwnStates(built)) left.emplace_back("multipliers of constraints while integrating: prescribed coordinates are eliminated, no element has a state");
+  }
+  if (prescribed && gait->constraints) left.emplace_back("elimination of prescribed coordinates: they are unknowns with constraints");
+  if (gait->constraints && gait->kind->library == "SUNDIALS IDA") left.emplace_back("projection onto the constraints: IDA solves them; outputs alone are projected");
+  if (gait->kind->step == Kind::Step::fixed || scene.gait->step_s > 0) {
+    left.emplace_back("error estimate of a step, step control: the step is fixed, halved only where it does not converge or is absurd");
+  }
+  const bool linear = std::all_of(scene.contacts.begin(), scene.contacts.end(), [](const auto& pair) { return pair.definition.rule == contact::ContactRule::smooth; });
+  switch (gait->kind->equations) {
+    case Kind::Equations::none:
+      left.push_back("Jacobian, Newton's method in steps: " + gait->kind->name + " has neither");
+      break;
+    case Kind::Equations::differenced:
+      left.push_back("Jacobian with the contact's stiffness: " + gait->kind->name + " takes differences");
+      break;
+    case Kind::Equations::exact:
+      if (!linear) left.emplace_back("Jacobian with the contact's stiffness: the rule is centre; the integrator takes differences");
+      break;
+  }
+  if (scene.contacts.empty()) left.emplace_back("limit of a step's motion, warning of impacts: no contact");
 }
 
 void explainLeftOut(const Built& built) {
@@ -332,6 +407,15 @@ void explainLeftOut(const Built& built) {
   }
   if (all([](const Definition& d) { return d.strain == contact::StrainMeasure::small; })) left.emplace_back("logarithmic strain: the strain is small");
   if (all([](const Definition& d) { return d.gridOn == contact::GridOn::fixed; })) left.emplace_back("grid on the moving body: the fixed body carries it");
+  if (all([](const Definition& d) {
+        return std::all_of(d.compartments.begin(), d.compartments.end(), [](const auto& c) { return std::holds_alternative<contact::ElementPlane>(c.elementSurface); });
+      })) {
+    left.emplace_back("round element surfaces: every grid is over a plane");
+  }
+  if (std::none_of(scene.surfaces.begin(), scene.surfaces.end(), [](const auto& surface) { return surface.kind == "nurbs" && !surface.usedBy.empty(); })) {
+    left.emplace_back("surface files: every surface in use is written in the scene");
+  }
+  if (!scene.contacts.empty()) left.emplace_back("estimates of the grid's error: static, gait and series give none; replay and contact --error do, at some four times the cost");
   if (scene.contacts.size() == 1) left.emplace_back("further contacts (a patella's, for example): one is given");
   left.emplace_back("contact energy and fields of single elements: computed for outputs only, not while integrating");
   if (all([](const Definition& d) { return d.rule == contact::ContactRule::smooth; })) {
@@ -346,13 +430,15 @@ void explainLeftOut(const Built& built) {
     if (std::all_of(m.gravity_mPerS2.begin(), m.gravity_mPerS2.end(), [](double g) { return g == 0; })) {
       left.emplace_back("gravity: zero");
     }
-    bool damped = false, prescribed = false;
+    bool damped = false, prescribed = false, limited = false;
     for (const auto& coordinate : m.coordinates) {
       const auto* free = std::get_if<scene::FreeCoordinate>(&coordinate);
       damped = damped || (free != nullptr && free->damping > 0);
+      limited = limited || (free != nullptr && free->limits);
       prescribed = prescribed || free == nullptr;
     }
     if (!damped) left.emplace_back("damping of the coordinates: none given");
+    if (!limited) left.emplace_back("stops of the coordinates: no limits given");
     if (!prescribed) left.emplace_back("constraints: no coordinate is prescribed");
     if (scene.loads.empty()) left.emplace_back("loads at points: none given");
     if (scene.generalizedLoads.empty()) left.emplace_back("loads on coordinates: none given");
@@ -362,7 +448,7 @@ void explainLeftOut(const Built& built) {
       }
     }
     if (scene.wraps.empty()) left.emplace_back("wrapping: no path has a wrap");
-    if (!scene.gait) left.emplace_back("time integration: no gait analysis");
+    listMethodsLeftOut(built, prescribed, left);
   }
   if (!scene.output.maps) left.emplace_back("pressure maps: switched off");
   if (!scene.output.plots) left.emplace_back("plots: switched off");
@@ -379,15 +465,7 @@ int runCheckCommand(const fs::path& file, const CommonOptions& common) {
   const Built built = build(file, common);
   const Scene& scene = built.scene;
   if (scene.model) {
-    const model::KneeSystem knee(scene, built.pairs);
-    const double staticTime = scene.staticAnalysis ? scene.staticAnalysis->time_s : 0;
-    if (scene.staticAnalysis) knee.checkTablesCover(staticTime, staticTime);
-    if (scene.series) knee.checkTablesCover(0, scene.series->duration_s);
-    if (scene.gait) {
-      knee.checkTablesCover(0, scene.gait->duration_s);
-      const std::string where = scene.where("analysis.gait.integrator");
-      model::checkOdeSettings(model::findOdeIntegrator(model::chooseIntegrator(scene.gait->integrator), where), {scene.gait->maxOrder, scene.gait->step_s}, where);
-    }
+    model::checkAnalyses(model::KneeSystem(scene, built.pairs), scene);
   }
   meter.finish();
   size_t row = 0;

@@ -12,7 +12,6 @@
 #include "genu/model/CutOff.h"
 #include "genu/model/KneeSystem.h"
 #include "genu/report/ContactReport.h"
-#include "genu/report/OutputFolder.h"
 #include "genu/report/RunReport.h"
 #include "genu/io/Suggest.h"
 
@@ -41,6 +40,39 @@ report::RunInfo makeInfo(const std::string& analysis, const fs::path& folder, co
   const auto poses = std::make_shared<PairPoses>(scene);
   info.calcPairPose = [poses](const scene::Frame& frame, size_t pair) { return poses->calcPose(frame.q, pair); };
   return info;
+}
+
+/** What a run of an analysis begins with. */
+struct Prepared {
+  scene::Scene scene;
+  report::RunInfo info;
+  std::unique_ptr<const contact::TaskRunner> runner;
+};
+
+Prepared prepare(const std::string& analysis, const RunOptions& options, const CommonOptions& common) {
+  installInterruptHandler(false);
+  Prepared run;
+  run.scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
+  if (analysis == "series" && !run.scene.series) {
+    throw InputError(run.scene.where("analysis.series") + ": is missing; write \"series: {duration: 1 s, output_interval: 0.05 s}\" below \"analysis:\"");
+  }
+  const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-" + analysis));
+  report::OutputFolder::check(folder);
+  run.info = makeInfo(analysis, folder, run.scene, options, common);
+  warnAbout(run.scene);
+  run.runner = makeTaskRunner(options.threads);
+  return run;
+}
+
+/** The analysis itself, with progress. */
+template <class Result>
+Result compute(const Prepared& run, const std::string& what, const CommonOptions& common,
+               Result (*analyse)(model::KneeSystem&, const scene::Scene&, const scene::Progress&)) {
+  ProgressMeter meter(what, common.console);
+  model::KneeSystem knee(run.scene);
+  for (const auto& warning : knee.listTableWarnings()) spdlog::warn("{}", warning);
+  knee.contact().setTaskRunner(run.runner.get());
+  return analyse(knee, run.scene, meter.callback());
 }
 
 /** What force elements did outside the range of their laws, counted over the frames. */
@@ -167,13 +199,42 @@ ordered_json toJson(const scene::Scene& scene, const model::StaticResult& result
   if (!result.stiffness_NPerM.empty()) json["principal_stiffness_N_per_m"] = result.stiffness_NPerM;
   if (result.search) {
     ordered_json& search = json["search"];
-    search = {{"starts", result.search->starts}, {"converged", result.search->converged}, {"complete", result.search->complete}};
+    search = {{"starts", result.search->starts},          {"converged", result.search->converged}, {"moved_back", result.search->movedBack}, {"after_implicit_euler", result.search->afterEuler},
+              {"back_to_first", result.search->backToFirst}, {"failures", result.search->failures},   {"complete", result.search->complete}};
+    if (!result.search->complete) search["stopped"] = result.search->stopped;
     search["others"] = ordered_json::array();
     for (const auto& other : result.search->others) {
-      search["others"].push_back({{"pose", toJson(scene, other.q)}, {"principal_stiffness_N_per_m", other.stiffness_NPerM}});
+      search["others"].push_back({{"pose", toJson(scene, other.q)},
+                                  {"principal_stiffness_N_per_m", other.stiffness_NPerM},
+                                  {"stable", !other.unstable},
+                                  {"starts", other.starts}});
     }
   }
   return json;
+}
+
+/** Starts, and every equilibrium with the coordinates that are free. */
+std::string formatSearch(const scene::Scene& scene, const model::StaticResult& result) {
+  const model::StaticResult::Search& search = *result.search;
+  std::string text = fmt::format("Search: {} starts ({} moved back to a valid pose), {} converged ({} after implicit Euler), {} did not\n", search.starts, search.movedBack,
+                                 search.converged, search.afterEuler, search.starts - search.converged);
+  for (const std::string& failure : search.failures) text += "  " + failure + "\n";
+  if (!search.complete) text += "  not complete: " + search.stopped + "\n";
+  const auto coordinates = scene.coordinates();
+  int number = 0;
+  const auto add = [&](const scene::Coordinates& q, const std::vector<double>& stiffness, bool unstable, const std::string& found) {
+    text += fmt::format("  equilibrium {}: {}, least stiffness {:.4g} N/mm, {};", ++number, unstable ? "unstable" : "stable",
+                        stiffness.empty() ? 0.0 : 1e-3 * stiffness.front(), found);
+    for (size_t i = 0; i < coordinates.size(); ++i) {
+      if (coordinates[i].isFree) text += fmt::format(" {} {:.5g} {}", coordinates[i].name, q[i] * coordinates[i].unitsPerSi(), coordinates[i].unit());
+    }
+    text += "\n";
+  };
+  add(result.q, result.stiffness_NPerM, result.unstable, fmt::format("the result, and {} starts", search.backToFirst));
+  for (const auto& other : search.others) {
+    add(other.q, other.stiffness_NPerM, other.unstable, other.starts > 0 ? fmt::format("{} starts", other.starts) : "between two stable ones");
+  }
+  return text;
 }
 
 }  // namespace
@@ -187,22 +248,8 @@ scene::ReadOptions makeReadOptions(const CommonOptions& common, const std::strin
 }
 
 int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
-  installInterruptHandler(false);
-  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
-  const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-static"));
-  report::OutputFolder::check(folder);
-  report::RunInfo info = makeInfo("static", folder, scene, options, common);
-  warnAbout(scene);
-  const auto runner = makeTaskRunner(options.threads);
-
-  model::StaticResult result;
-  {
-    ProgressMeter meter("static analysis", common.console);
-    model::KneeSystem knee(scene);
-    for (const auto& warning : knee.listTableWarnings()) spdlog::warn("{}", warning);
-    knee.contact().setTaskRunner(runner.get());
-    result = model::runStatic(knee, scene, meter.callback());
-  }
+  Prepared run = prepare("static", options, common);
+  const auto result = compute<model::StaticResult>(run, "static analysis", common, model::runStatic);
   using Status = model::StaticResult::Status;
   scene::Trajectory trajectory;
   trajectory.complete = result.status == Status::converged;
@@ -215,7 +262,7 @@ int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
   trajectory.statistics.contactEvaluations = result.contactEvaluations;
   trajectory.statistics.distanceQueries = result.distanceQueries;
   trajectory.elementColumns = result.elementColumns;
-  info.paths = result.paths;
+  run.info.paths = result.paths;
   if (!result.q.empty()) {
     scene::Frame frame;
     frame.time_s = result.time_s;
@@ -225,52 +272,24 @@ int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
     frame.elements = result.elements;
     trajectory.frames.push_back(std::move(frame));
   }
-  info.details["static"] = toJson(scene, result);
-  return finish(scene, trajectory, info, options, common);
+  run.info.details["static"] = toJson(run.scene, result);
+  const int code = finish(run.scene, trajectory, run.info, options, common);
+  if (result.search && !common.console.quiet) fmt::print("\n{}", formatSearch(run.scene, result));
+  return code;
 }
 
 int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
-  installInterruptHandler(false);
-  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
-  const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-gait"));
-  report::OutputFolder::check(folder);
-  report::RunInfo info = makeInfo("gait", folder, scene, options, common);
-  warnAbout(scene);
-  const auto runner = makeTaskRunner(options.threads);
-
-  model::GaitResult result;
-  {
-    ProgressMeter meter("gait", common.console);
-    model::KneeSystem knee(scene);
-    for (const auto& warning : knee.listTableWarnings()) spdlog::warn("{}", warning);
-    knee.contact().setTaskRunner(runner.get());
-    result = model::runGait(knee, scene, meter.callback());
-  }
+  Prepared run = prepare("gait", options, common);
+  const auto result = compute<model::GaitResult>(run, "gait", common, model::runGait);
   if (!result.remark.empty()) spdlog::warn("{}", result.remark);
-  if (result.settling) info.details["settling"] = toJson(scene, *result.settling);
-  return finish(scene, result, info, options, common);
+  if (result.settling) run.info.details["settling"] = toJson(run.scene, *result.settling);
+  return finish(run.scene, result, run.info, options, common);
 }
 
 int runSeriesCommand(const RunOptions& options, const CommonOptions& common) {
-  installInterruptHandler(false);
-  const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
-  if (!scene.series) {
-    throw InputError(scene.where("analysis.series") + ": is missing; write \"series: {duration: 1 s, output_interval: 0.05 s}\" below \"analysis:\"");
-  }
-  const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-series"));
-  report::OutputFolder::check(folder);
-  const report::RunInfo info = makeInfo("series", folder, scene, options, common);
-  warnAbout(scene);
-  const auto runner = makeTaskRunner(options.threads);
-  scene::Trajectory result;
-  {
-    ProgressMeter meter("series", common.console);
-    model::KneeSystem knee(scene);
-    for (const auto& warning : knee.listTableWarnings()) spdlog::warn("{}", warning);
-    knee.contact().setTaskRunner(runner.get());
-    result = model::runSeries(knee, scene, meter.callback());
-  }
-  return finish(scene, result, info, options, common);
+  const Prepared run = prepare("series", options, common);
+  const auto result = compute<scene::Trajectory>(run, "series", common, model::runSeries);
+  return finish(run.scene, result, run.info, options, common);
 }
 
 int runReplayCommand(const RunOptions& options, const CommonOptions& common) {

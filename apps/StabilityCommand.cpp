@@ -11,8 +11,6 @@
 #include "genu/io/Files.h"
 #include "genu/io/Units.h"
 #include "genu/model/Stability.h"
-#include "genu/report/Gnuplot.h"
-#include "genu/report/OutputFolder.h"
 
 namespace genu::app {
 namespace fs = std::filesystem;
@@ -224,7 +222,7 @@ int runStabilityCommand(const VerifyCommandOptions& options, const CommonOptions
     settings.maxBisections = 10;
   }
   if (!options.poseError.empty()) settings.limits.pose_m = io::parseQuantity(options.poseError, io::Dimension::length, "--pose-error");
-  if (!(settings.limits.pose_m > 0)) throw InputError("--pose-error: allowed: > 0");
+  if (!(settings.limits.pose_m > 0)) throw InputError("--pose-error: is \"" + options.poseError + "\"; allowed: > 0");
   const bool own = !options.scene.empty();
   if (!own && !options.grid.empty()) throw InputError("--grid: the built-in scenes of --stability have their own; give a SCENE or leave it out");
   const fs::path folder = !options.output.empty() ? options.output : fs::path("results") / (own ? options.scene.stem().string() + "-stability" : std::string("stability"));
@@ -278,13 +276,7 @@ int runStabilityCommand(const VerifyCommandOptions& options, const CommonOptions
   }
   io::writeFileAtomically(out.file("plots/stability_map.dat"), map);
   if (!energy.empty()) io::writeFileAtomically(out.file("plots/energy.dat"), energy);
-  if (!options.noPlots) {
-    const report::DrawResult drawn = report::runGnuplot(out.staging() / "plots", scripts);
-    if (!drawn.problem.empty()) spdlog::warn("plots: {}", drawn.problem);
-  }
-  json["files"] = out.listFiles();
-  io::writeFileAtomically(out.file("summary.json"), json.dump(2) + "\n");
-  out.commit();
+  drawAndCommit(out, scripts, options.noPlots, json);
   if (!common.console.quiet) fmt::print("{}\n", tables);
   fmt::print("Wrong: pose by more than {:g} mm, force by more than {:g} %, energy by more than {:g} %.\n", 1e3 * settings.limits.pose_m, 100 * settings.limits.force,
              100 * settings.limits.energy);

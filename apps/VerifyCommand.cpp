@@ -13,8 +13,6 @@
 #include "genu/io/Units.h"
 #include "genu/model/Stability.h"
 #include "genu/model/Verification.h"
-#include "genu/report/Gnuplot.h"
-#include "genu/report/OutputFolder.h"
 
 namespace genu::app {
 namespace fs = std::filesystem;
@@ -190,13 +188,7 @@ int verifyScene(const scene::Scene& scene, const std::string& label, const fs::p
     io::writeFileAtomically(out.file("plots/" + scripts.back()), script);
   }
   io::writeFileAtomically(out.file("plots/work_precision.dat"), data);
-  if (!options.noPlots) {
-    const report::DrawResult drawn = report::runGnuplot(out.staging() / "plots", scripts);
-    if (!drawn.problem.empty()) spdlog::warn("plots: {}", drawn.problem);
-  }
-  json["files"] = out.listFiles();
-  io::writeFileAtomically(out.file("summary.json"), json.dump(2) + "\n");
-  out.commit();
+  drawAndCommit(out, scripts, options.noPlots, json);
   fmt::print("{}\nReference: {}, {:.3g} s. Errors: largest over the run; angles times 25 mm.\n", table, v.reference.describe(), v.referenceCpu_s);
   if (!v.complete) {
     fmt::print("INCOMPLETE: interrupted\n");
@@ -232,7 +224,8 @@ int runVerifyCommand(const VerifyCommandOptions& options, const CommonOptions& c
   settings.repeats = options.full ? 3 : 2;
   if (!options.poseError.empty()) settings.poseError_m = io::parseQuantity(options.poseError, io::Dimension::length, "--pose-error");
   if (!options.forceError.empty()) settings.forceError_N = io::parseQuantity(options.forceError, io::Dimension::force, "--force-error");
-  if (!(settings.poseError_m > 0 && settings.forceError_N > 0)) throw InputError("--pose-error, --force-error: allowed: > 0");
+  if (!(settings.poseError_m > 0)) throw InputError("--pose-error: is \"" + options.poseError + "\"; allowed: > 0");
+  if (!(settings.forceError_N > 0)) throw InputError("--force-error: is \"" + options.forceError + "\"; allowed: > 0");
   if (options.scene.empty()) return verifyBuiltIn(options.output.empty() ? fs::path("results/verify") : options.output, settings, options, common);
   const scene::Scene scene = scene::readScene(options.scene, makeReadOptions(common, options.grid, true));
   const fs::path folder = options.output.empty() ? fs::path("results") / (options.scene.stem().string() + "-verify") : options.output;

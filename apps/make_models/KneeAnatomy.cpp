@@ -40,6 +40,24 @@ const Vec3 kCalcaneusInTalus(-48.77 * 1.0083, -41.95 * 1.0083, 7.92 * 1.0083);
 
 }  // namespace
 
+const char* const kPatellaLinks = R"(  <link name="patella">
+    <inertial>
+      <mass value="0.0862"/>
+      <inertia ixx="2.87e-6" ixy="0" ixz="0" iyy="1.311e-5" iyz="0" izz="1.311e-5"/>
+    </inertial>
+  </link>
+  <joint name="patellofemoral" type="floating">
+    <parent link="femur"/>
+    <child link="patella"/>
+  </joint>
+  <link name="patella_contact"/>
+  <joint name="patellar_face" type="fixed">
+    <origin rpy="0 0 -1.57079632679489662"/>
+    <parent link="patella"/>
+    <child link="patella_contact"/>
+  </joint>
+)";
+
 LinkPoint toLink(SourceFrame frame, const Vec3& p) {
   switch (frame) {
     case SourceFrame::femur:

@@ -28,6 +28,9 @@ struct LinkPoint {
 /** Half a turn about y, and the offset between the source's origin and the link's. */
 LinkPoint toLink(SourceFrame frame, const Vec3& p_source);
 
+/** URDF of the patella on a link femur, and of the link of its articular face. */
+extern const char* const kPatellaLinks;
+
 struct Fibre {
   const char* name;
   double stiffness_N;  ///< per unit strain

@@ -36,6 +36,14 @@ class SundialsDriver : public OdeIntegrator {
   double time() const override { return time_; }
   const std::string& errorText() const override { return error_; }
 
+  Statistics statistics() override {
+    Statistics s;
+    count(s);
+    s.evaluations = evaluations_;
+    s.jacobians = jacobians_;
+    return s;
+  }
+
   bool step() override {
     if (time_ >= stop_) return false;
     double reached = time_;
@@ -100,6 +108,8 @@ class SundialsDriver : public OdeIntegrator {
 
  protected:
   virtual bool setUp() = 0;
+  /** What the integrator's memory has counted, if there is any. */
+  virtual void count(Statistics& s) = 0;
   /** Frees the integrator's memory, if there is any. */
   virtual void release() = 0;
   virtual int advance(double stop, N_Vector y, double* reached) = 0;
@@ -181,19 +191,14 @@ class Cvode : public SundialsDriver {
       : SundialsDriver(stiff ? "cvode-bdf" : "cvode-adams", problem), stiff_(stiff), maxOrder_(maxOrder) {}
   ~Cvode() override { release(); }
 
-  Statistics statistics() override {
-    Statistics s;
-    if (memory_ == nullptr) return s;
+ protected:
+  void count(Statistics& s) override {
+    if (memory_ == nullptr) return;
     CVodeGetNumSteps(memory_, &s.stepsTaken);
     CVodeGetNumErrTestFails(memory_, &s.errorTestFailures);
     CVodeGetNumNonlinSolvConvFails(memory_, &s.convergenceFailures);
     s.stepsAttempted = s.stepsTaken + s.errorTestFailures + s.convergenceFailures;
-    s.evaluations = evaluations_;
-    s.jacobians = jacobians_;
-    return s;
   }
-
- protected:
   void release() override {
     if (memory_ != nullptr) CVodeFree(&memory_);
   }
@@ -247,19 +252,14 @@ class Ida : public SundialsDriver {
       : SundialsDriver("ida", problem), maxOrder_(maxOrder), differential_(problem.size()), all_(differential_ + 2 * problem.numConstraints()) {}
   ~Ida() override { release(); }
 
-  Statistics statistics() override {
-    Statistics s;
-    if (memory_ == nullptr) return s;
+ protected:
+  void count(Statistics& s) override {
+    if (memory_ == nullptr) return;
     IDAGetNumSteps(memory_, &s.stepsTaken);
     IDAGetNumErrTestFails(memory_, &s.errorTestFailures);
     IDAGetNumNonlinSolvConvFails(memory_, &s.convergenceFailures);
     s.stepsAttempted = s.stepsTaken + s.errorTestFailures + s.convergenceFailures;
-    s.evaluations = evaluations_;
-    s.jacobians = jacobians_;
-    return s;
   }
-
- protected:
   void release() override {
     if (memory_ != nullptr) IDAFree(&memory_);
     rate_.reset(), unknowns_.reset(), kinds_.reset();
@@ -345,37 +345,38 @@ class Arkode : public SundialsDriver {
       : SundialsDriver(std::move(name), problem), order_(order), step_s_(step_s) {}
   ~Arkode() override { release(); }
 
-  Statistics statistics() override {
-    Statistics s;
-    if (memory_ == nullptr) return s;
+ protected:
+  void count(Statistics& s) override {
+    if (memory_ == nullptr) return;
     ARKStepGetNumSteps(memory_, &s.stepsTaken);
     ARKStepGetNumStepAttempts(memory_, &s.stepsAttempted);
     ARKStepGetNumErrTestFails(memory_, &s.errorTestFailures);
     ARKStepGetNumNonlinSolvConvFails(memory_, &s.convergenceFailures);
-    s.convergenceFailures += halvings_;
-    s.evaluations = evaluations_;
-    s.jacobians = jacobians_;
-    return s;
   }
-
- protected:
   void release() override {
     if (memory_ != nullptr) ARKStepFree(&memory_);
+    before_.reset();
   }
   int getErrors(N_Vector errors) override { return step_s_ > 0 ? -1 : ARKStepGetEstLocalErrors(memory_, errors); }
-  bool setStop(double t) override { return ARKStepSetStopTime(memory_, t) == 0; }
+  bool setStop(double t) override {
+    fixedStop_ = t;
+    return step_s_ > 0 || ARKStepSetStopTime(memory_, t) == 0;
+  }
   void setLongest(double h) override {
     if (step_s_ <= 0) ARKStepSetMaxStep(memory_, h);
   }
   bool setUp() override {
     depth_ = 0;
-    part_ = halvings_ = 0;
+    part_ = 0;
+    before_.reset(N_VClone(y_.get()));
+    N_VScale(1, y_.get(), before_.get());
+    beforeTime_ = time_;
     memory_ = ARKStepCreate(nullptr, rightSide, time_, y_.get(), context_.value);
     if (memory_ == nullptr) return fail("ARKODE could not be made");
     makeLinearSolver();
     bool ok = ARKStepSetErrHandlerFn(memory_, message, this) == 0 && ARKStepSetUserData(memory_, this) == 0 &&
               ARKStepWFtolerances(memory_, weights) == 0 && ARKStepSetLinearSolver(memory_, solver_.get(), matrix_.get()) == 0 &&
-              ARKStepSetStopTime(memory_, stop_) == 0 && ARKStepSetMaxNumSteps(memory_, kMostSteps) == 0;
+              setStop(stop_) && ARKStepSetMaxNumSteps(memory_, kMostSteps) == 0;
     if (problem_.hasJacobian()) ok = ok && ARKStepSetJacFn(memory_, jacobian) == 0;
     if (order_ == 1) {
       double one = 1;
@@ -399,30 +400,35 @@ class Arkode : public SundialsDriver {
   }
   int advance(double stop, N_Vector y, double* reached) override {
     if (step_s_ <= 0) return ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP);
-    // A fixed step that does not converge is halved; the step grows back where it is a multiple again.
-    const double whole = fixedStep();
+    // A fixed step that does not converge is halved; the step grows back where it is a multiple again. It ends at a stop by its length: at a stop of its own ARKODE hands back its
+    // interpolant, which for a method of first order is constant, the mean of both ends of the step.
     if (depth_ > 0) {
       for (++part_; depth_ > 0 && part_ % 2 == 0; --depth_) part_ /= 2;
       if (depth_ == 0) part_ = 0;
-      ARKStepSetFixedStep(memory_, std::ldexp(whole, -depth_));
     }
-    N_VScale(1, y, dense_.get());
-    const double from = *reached;
-    int flag = ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP);
-    for (; flag < 0 && depth_ < kMostHalvings; flag = ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP)) {
-      ++depth_;
-      part_ *= 2;
-      ++halvings_;
+    N_VScale(1, y, before_.get());
+    const double from = beforeTime_ = *reached;
+    int flag = -1;
+    for (;; ++depth_, part_ *= 2) {
+      const double h = std::ldexp(fixedStep(), -depth_), left = fixedStop_ - from;
+      const bool last = h > left * (1 - 1e-9);
+      if (ARKStepSetFixedStep(memory_, last ? left : h) != 0) return flag;
+      flag = ARKStepEvolve(memory_, stop, y, reached, ARK_ONE_STEP);
+      if (flag >= 0 && last) *reached = fixedStop_;
+      if (flag >= 0 || depth_ >= kMostHalvings) return flag;
       error_.clear();
-      N_VScale(1, dense_.get(), y);
-      if (ARKStepReset(memory_, from, y) != 0 || ARKStepSetFixedStep(memory_, std::ldexp(whole, -depth_)) != 0 ||
-          ARKStepSetStopTime(memory_, stop) != 0) {
-        break;
-      }
+      N_VScale(1, before_.get(), y);
+      *reached = from;
+      if (ARKStepReset(memory_, from, y) != 0) return flag;
     }
-    return flag;
   }
-  int getDense(double t, N_Vector y) override { return ARKStepGetDky(memory_, t, 0, y); }
+  /** Of a fixed step of first order: the line between its ends. */
+  int getDense(double t, N_Vector y) override {
+    if (order_ > 1) return ARKStepGetDky(memory_, t, 0, y);
+    const double share = time_ > beforeTime_ ? (t - beforeTime_) / (time_ - beforeTime_) : 1;
+    N_VLinearSum(share, y_.get(), 1 - share, before_.get(), y);
+    return 0;
+  }
 
  private:
   using ButcherTable = std::unique_ptr<std::remove_pointer_t<ARKodeButcherTable>, void (*)(ARKodeButcherTable)>;
@@ -447,7 +453,9 @@ class Arkode : public SundialsDriver {
   int order_;
   double step_s_;
   int depth_ = 0;
-  long part_ = 0, halvings_ = 0;  // part_: where in the whole step, in parts of the present length
+  long part_ = 0;      // where in the whole step, in parts of the present length
+  Vector before_;      // y at the beginning of a fixed step
+  double beforeTime_ = 0, fixedStop_ = 0;
   void* memory_ = nullptr;
 };
 

@@ -21,18 +21,6 @@ std::string atTime(double t) {
   return text.str();
 }
 
-void checkSettings(const scene::Scene& scene, const scene::GaitSpec& gait) {
-  const auto check = [&](double value, const char* key, const char* unit) {
-    if (value > 0 && std::isfinite(value)) return;
-    std::ostringstream text;
-    text << scene.file.string() << ": gait " << key << " is " << value << unit << "; it must be positive";
-    throw InputError(text.str());
-  };
-  check(gait.duration_s, "duration", " s");
-  check(gait.outputInterval_s, "output interval", " s");
-  check(gait.accuracy, "accuracy", "");
-}
-
 /** Where an integrator has to stop: a curve of an input changes there, or the run ends. What is at rest, or moves evenly, would be followed in a step across a pulse. */
 struct Stop {
   double time_s;
@@ -207,22 +195,6 @@ class Run {
   OdeIntegrator::Statistics counts_;
 };
 
-/** Whether prescribed coordinates are unknowns with constraints. */
-bool choosesConstraints(const OdeIntegratorKind& kind, const scene::GaitSpec& gait, const std::string& where) {
-  using Unknowns = OdeIntegratorKind::Unknowns;
-  using Prescribed = scene::GaitSpec::Prescribed;
-  if (kind.unknowns == Unknowns::constraints) {
-    if (gait.prescribed == Prescribed::eliminated) {
-      throw InputError(where + ": " + kind.name + " works with constraints; remove `prescribed: eliminated`");
-    }
-    return true;
-  }
-  if (gait.prescribed == Prescribed::constraints && kind.unknowns == Unknowns::eliminated) {
-    throw InputError(where + ": " + kind.name + " cannot keep constraints; remove `prescribed: constraints`");
-  }
-  return gait.prescribed == Prescribed::constraints;  // automatic: eliminated was faster in every scene measured (docs/integrators.md)
-}
-
 }  // namespace
 
 std::vector<double> makeOutputTimes(double duration_s, double interval_s) {
@@ -239,16 +211,13 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   const auto wallStart = std::chrono::steady_clock::now();
   const double cpuStart = cpuTime_s();
   const scene::GaitSpec gait = scene.gait.value_or(scene::GaitSpec{});
-  checkSettings(scene, gait);
+  const auto [kind, constraints] = chooseGaitMethod(scene);
   knee.checkTablesCover(0, gait.duration_s);
   SimTK::State state = knee.system().realizeTopology();
   knee.system().realizeModel(state);
 
-  const std::string where = scene.where("analysis.gait.integrator");
-  const OdeIntegratorKind& kind = findOdeIntegrator(chooseIntegrator(gait.integrator), where);
-  const bool constraints = choosesConstraints(kind, gait, where);
   KneeOde ode(knee, state, OdeTolerances::of(gait), constraints ? KneeOde::Prescribed::constraints : KneeOde::Prescribed::eliminated);
-  const std::unique_ptr<OdeIntegrator> integrator = makeOdeIntegrator(kind.name, ode, {gait.maxOrder, gait.step_s}, where);
+  const std::unique_ptr<OdeIntegrator> integrator = kind->make(ode, {gait.maxOrder, gait.step_s});
 
   GaitResult result;
   result.elementColumns = knee.listElementColumns();
@@ -293,7 +262,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   Run run(knee, ode, *integrator, gait, progress, result);
   run.integrate(ode.start(q, qdot));
   const OdeIntegrator::Statistics& counts = run.statistics();
-  if (kind.step != OdeIntegratorKind::Step::fixed) result.remark = run.describeImpact(OdeTolerances::of(gait).speed_mPerS);
+  if (kind->step != OdeIntegratorKind::Step::fixed) result.remark = run.describeImpact(OdeTolerances::of(gait).speed_mPerS);
   const ArticularContactSubsystem::Counters work = ode.counters();
   scene::IntegratorStatistics& out = result.statistics;
   out.name = integrator->name();

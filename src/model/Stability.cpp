@@ -280,6 +280,7 @@ scene::Scene makeDefaultReference(scene::Scene scene, int steps) {
     scene.gait->integrator = "generalized-alpha";
     scene.gait->step_s = std::max(kShortestStep_s, scene.gait->duration_s / steps);
     scene.gait->maxOrder = 0;
+    scene.gait->prescribed = scene::GaitSpec::Prescribed::automatic;
     return scene;
   }
   for (scene::ContactSpec& contact : scene.contacts) {

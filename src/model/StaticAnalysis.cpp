@@ -51,7 +51,12 @@ struct Outcome {
   int iterations = 0;
   std::string reason;
   std::string elementProblem;  ///< why a force element made the start invalid
+  std::string method;          ///< of seek(): how it got there
+  bool usedEuler = false;
 };
+
+/** Whether stiffnesses, lowest first, have one that drives away from the equilibrium. */
+bool isUnstable(const VectorXd& stiffnesses) { return stiffnesses.size() > 0 && stiffnesses[0] < -1e-6 * stiffnesses.cwiseAbs().maxCoeff(); }
 
 class Settling {
  public:
@@ -64,7 +69,10 @@ class Settling {
  private:
   using Method = scene::StaticSpec::Method;
 
-  bool mayContinue(double fraction) { return !progress_ || progress_(std::clamp(fraction, 0.0, 1.0)); }
+  bool mayContinue(double fraction) {
+    if (deadline_ && std::chrono::steady_clock::now() > *deadline_) return false;
+    return !progress_ || progress_(std::clamp(done_ + share_ * fraction, 0.0, 1.0));
+  }
 
   VectorXd findStart();
   /** A floating joint whose child is lowered along y, and the contact pairs across it. */
@@ -84,10 +92,15 @@ class Settling {
   };
   Extent findExtent(const VectorXd& z, const Lowering& lowering);
 
+  Outcome seek(VectorXd& z, VectorXd& r);
   Outcome iterateNewton(VectorXd& z, VectorXd& r);
   Outcome solveElsewhere(const EquilibriumSolver& solver, VectorXd& z, VectorXd& r);
+  struct Known;
   void searchOthers(const VectorXd& z, StaticResult& result);
-  VectorXd calcStiffnesses(const VectorXd& z);
+  Known makeKnown(const VectorXd& z);
+  Outcome findPass(const VectorXd& from, const VectorXd& to, VectorXd& z);
+  EvaluationStatus calcForce(const VectorXd& z, VectorXd& r);
+  bool calcStiffness(const VectorXd& z, const VectorXd& r, MatrixXd& K);
   Outcome integrateImplicitEuler(VectorXd& z, VectorXd& r, double maxAcceleration);
   bool solveImplicitStep(const VectorXd& z0, const VectorXd& v0, double h, double damping, VectorXd& z1, VectorXd& v1,
                          int& iterations, bool& sawFullPenetration);
@@ -99,6 +112,9 @@ class Settling {
   const scene::Progress& progress_;
   const scene::Coordinates* start_;
   ReducedDynamics dynamics_;
+  double done_ = 0, share_ = 1;  ///< of the whole, before and in what runs now
+  std::optional<std::chrono::steady_clock::time_point> deadline_;
+  VectorXd held_;  ///< unit vector along which nothing moves; empty: none
 };
 
 /** Every floating joint with y free: contact pairs that only it moves, the fixed side towards the root. */
@@ -316,7 +332,7 @@ Outcome Settling::iterateNewton(VectorXd& z, VectorXd& r) {
   constexpr double kFirstMove_m = 1e-4;
   Outcome outcome;
   const int n = dynamics_.numFree();
-  if (!ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r, true))) {
+  if (!ReducedDynamics::isValid(calcForce(z, r))) {
     outcome.elementProblem = dynamics_.elementProblem();
     outcome.reason = "the start is not a valid pose";
     return outcome;
@@ -339,7 +355,7 @@ Outcome Settling::iterateNewton(VectorXd& z, VectorXd& r) {
       outcome.interrupted = true;
       return outcome;
     }
-    if (!dynamics_.calcStiffness(z, r, K)) {
+    if (!calcStiffness(z, r, K)) {
       outcome.reason = "no valid pose around the iterate";
       return outcome;
     }
@@ -354,7 +370,7 @@ Outcome Settling::iterateNewton(VectorXd& z, VectorXd& r) {
       if (size > kMaxMove_m) move *= kMaxMove_m / size;
       VectorXd rNew;
       const VectorXd candidate = z + move;
-      const EvaluationStatus status = dynamics_.calcStaticForce(candidate, rNew, true);
+      const EvaluationStatus status = calcForce(candidate, rNew);
       outcome.sawFullPenetration |= status == EvaluationStatus::fullPenetration;
       const double ratio = infinityNorm(rNew) / norm;
       if (!ReducedDynamics::isValid(status) || ratio > 10) {
@@ -422,24 +438,87 @@ Outcome Settling::solveElsewhere(const EquilibriumSolver& solver, VectorXd& z, V
   return outcome;
 }
 
-/** Stiffnesses along the principal directions of the free coordinates, lowest first; empty: there is no stiffness at z. */
-VectorXd Settling::calcStiffnesses(const VectorXd& z) {
-  MatrixXd K;
-  VectorXd r;
-  if (dynamics_.numFree() == 0 || !ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r, true)) || !dynamics_.calcStiffness(z, r, K)) return {};
-  return Eigen::SelfAdjointEigenSolver<MatrixXd>(0.5 * (K + K.transpose())).eigenvalues();
+/** Force on the free coordinates, without its part along held_; the stiffness there is likely to follow. */
+EvaluationStatus Settling::calcForce(const VectorXd& z, VectorXd& r) {
+  const EvaluationStatus status = dynamics_.calcStaticForce(z, r, true);
+  if (held_.size() > 0) r -= held_.dot(r) * held_;
+  return status;
 }
 
-/** Newton from starts spread evenly (Halton's sequence) around z; each equilibrium once. */
+/** Stiffness across held_, and as large a one along it. */
+bool Settling::calcStiffness(const VectorXd& z, const VectorXd& r, MatrixXd& K) {
+  if (!dynamics_.calcStiffness(z, r, K)) return false;
+  if (held_.size() == 0) return true;
+  const double size = K.cwiseAbs().maxCoeff();
+  const MatrixXd across = MatrixXd::Identity(K.rows(), K.cols()) - held_ * held_.transpose();
+  K = across * K * across + size * held_ * held_.transpose();
+  return true;
+}
+
+/** An equilibrium: its stiffnesses along the principal directions, lowest first (empty: there is no stiffness at z), and the projector onto those directions that have one. */
+struct Settling::Known {
+  VectorXd z, stiffnesses;
+  MatrixXd stiff;
+  int starts = 0;
+  /** The same, or, where a direction is indifferent, another of the same family. */
+  bool isAt(const VectorXd& other) const { return infinityNorm(stiff * (other - z)) < 10 * kMethodAgreement_m; }
+};
+
+Settling::Known Settling::makeKnown(const VectorXd& z) {
+  constexpr double kIndifferent = 1e-9;
+  const int n = dynamics_.numFree();
+  Known known = {z, {}, MatrixXd::Identity(n, n)};
+  MatrixXd K;
+  VectorXd r;
+  if (n == 0 || !ReducedDynamics::isValid(dynamics_.calcStaticForce(z, r, true)) || !dynamics_.calcStiffness(z, r, K)) return known;
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(0.5 * (K + K.transpose()));
+  known.stiffnesses = solver.eigenvalues();
+  for (int k = 0; k < n; ++k) {
+    if (std::abs(known.stiffnesses[k]) > kIndifferent * known.stiffnesses.cwiseAbs().maxCoeff()) continue;
+    known.stiff -= solver.eigenvectors().col(k) * solver.eigenvectors().col(k).transpose();
+  }
+  return known;
+}
+
+/** The equilibrium between two stable ones from which the body falls to either (mountain pass): across the way between them all forces balance, and the force along it turns from
+ pulling back to pulling on. Found by bisection, ended by Newton's method. */
+Outcome Settling::findPass(const VectorXd& from, const VectorXd& to, VectorXd& z) {
+  constexpr double kNear_m = 1e-6;  // Newton's first move of 0.1 mm is far longer: it is hardly damped
+  VectorXd low = from, high = to, r;
+  const VectorXd way = (to - from).normalized();
+  while (way.dot(high - low) > kNear_m) {
+    z = 0.5 * (low + high);
+    held_ = way;
+    Outcome outcome = iterateNewton(z, r);
+    held_.resize(0);
+    if (!outcome.converged) return outcome;
+    dynamics_.calcStaticForce(z, r);
+    (r.dot(way) < 0 ? low : high) = z;
+  }
+  return iterateNewton(z, r);
+}
+
+/** Seeks from starts spread evenly (Halton's sequence) around z, then between the stable equilibria; each once. */
 void Settling::searchOthers(const VectorXd& z, StaticResult& result) {
   constexpr std::array<int, 12> kPrimes = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
-  std::vector<VectorXd> known = {z};
+  const scene::StaticSpec::Search& settings = *settings_.search;
   StaticResult::Search& found = result.search.emplace();
-  for (int i = 1; i <= settings_.search->starts; ++i) {
-    if (!mayContinue(static_cast<double>(i) / settings_.search->starts)) {
-      found.complete = false;
-      return;
+  std::vector<Known> known = {makeKnown(z)};
+  deadline_ = std::chrono::steady_clock::now() + std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(settings.maxWallTime_s));
+  const auto add = [&](const VectorXd& candidate) -> Known& {
+    for (Known& other : known) {
+      if (other.isAt(candidate)) return other;
     }
+    return known.emplace_back(makeKnown(candidate));
+  };
+  const auto stop = [&] {
+    std::ostringstream text;
+    text << "search.max_wall_time of " << settings.maxWallTime_s << " s is over";
+    found.complete = false;
+    found.stopped = std::chrono::steady_clock::now() > *deadline_ ? text.str() : "interrupted";
+  };
+  for (int i = 1; i <= settings.starts && found.complete; ++i) {
+    done_ = share_ * i;
     VectorXd candidate = z, r;
     for (int k = 0; k < z.size(); ++k) {
       double part = 0, share = 1;
@@ -448,19 +527,75 @@ void Settling::searchOthers(const VectorXd& z, StaticResult& result) {
         part += share * (rest % base);
       }
       const bool isAngle = dynamics_.knee().coordinates()[static_cast<size_t>(dynamics_.freeCoordinates()[static_cast<size_t>(k)])].isAngle;
-      candidate[k] += (2 * part - 1) * (isAngle ? kAngleLength_m * settings_.search->angle_rad : settings_.search->translation_m);
+      candidate[k] += (2 * part - 1) * (isAngle ? kAngleLength_m * settings.angle_rad : settings.translation_m);
+    }
+    // One body through the other: halfway back, until it is a pose.
+    int halvings = 0;
+    for (; halvings < 20 && !ReducedDynamics::isValid(dynamics_.calcStaticForce(candidate, r)); ++halvings) candidate = 0.5 * (candidate + z);
+    if (!mayContinue(0)) {
+      stop();
+      break;
+    }
+    found.movedBack += halvings > 0 ? 1 : 0;
+    const Outcome outcome = seek(candidate, r);
+    if (outcome.interrupted) {
+      stop();
+      break;
     }
     ++found.starts;
-    const Outcome outcome = iterateNewton(candidate, r);
-    if (!outcome.converged) continue;
-    ++found.converged;
-    if (std::any_of(known.begin(), known.end(), [&](const VectorXd& other) { return infinityNorm(other - candidate) < 10 * kMethodAgreement_m; })) continue;
-    known.push_back(candidate);
-    StaticResult::Equilibrium other;
-    const VectorXd stiffness = calcStiffnesses(candidate);
-    other.q = dynamics_.coordinates(candidate);
-    other.stiffness_NPerM.assign(stiffness.data(), stiffness.data() + stiffness.size());
-    found.others.push_back(std::move(other));
+    if (outcome.converged) {
+      ++found.converged;
+      found.afterEuler += outcome.usedEuler ? 1 : 0;
+      ++add(candidate).starts;
+    } else {
+      found.failures.push_back("start " + std::to_string(i) + ": " + outcome.reason);
+    }
+  }
+  // Along the shortest tree that joins the stable ones; what is stable and new in between is joined as well.
+  std::vector<std::pair<size_t, size_t>> tried;
+  for (bool going = found.complete; going;) {
+    going = false;
+    std::vector<size_t> in = {}, out;
+    for (size_t i = 0; i < known.size(); ++i) {
+      if (isUnstable(known[i].stiffnesses)) continue;
+      (in.empty() ? in : out).push_back(i);
+    }
+    while (!out.empty() && !going) {
+      std::pair<size_t, size_t> pair{in[0], out[0]};
+      const auto distance = [&](size_t i, size_t j) { return (known[i].z - known[j].z).norm(); };
+      for (const size_t i : in) {
+        for (const size_t j : out) {
+          if (distance(i, j) < distance(pair.first, pair.second)) pair = {i, j};
+        }
+      }
+      in.push_back(pair.second);
+      out.erase(std::find(out.begin(), out.end(), pair.second));
+      if (std::find(tried.begin(), tried.end(), pair) != tried.end()) continue;
+      tried.push_back(pair);
+      const size_t before = known.size();
+      VectorXd pass;
+      const Outcome outcome = findPass(known[pair.first].z, known[pair.second].z, pass);
+      if (outcome.interrupted) {
+        stop();
+        break;
+      }
+      if (outcome.converged) {
+        add(pass);
+      } else {
+        found.failures.push_back("between two stable equilibria: " + outcome.reason);
+      }
+      going = known.size() > before && !isUnstable(known.back().stiffnesses);
+    }
+    going = going && found.complete;
+  }
+  deadline_.reset();
+  found.backToFirst = known[0].starts;
+  for (size_t i = 1; i < known.size(); ++i) {
+    StaticResult::Equilibrium& other = found.others.emplace_back();
+    other.q = dynamics_.coordinates(known[i].z);
+    other.stiffness_NPerM.assign(known[i].stiffnesses.data(), known[i].stiffnesses.data() + known[i].stiffnesses.size());
+    other.starts = known[i].starts;
+    other.unstable = isUnstable(known[i].stiffnesses);
   }
 }
 
@@ -592,9 +727,28 @@ void Settling::fillResult(const VectorXd& z, StaticResult& result) {
   result.paths = knee.calcElementPaths(dynamics_.state());
 }
 
+/** Newton's method or a registered one; where it does not converge, implicit Euler from the same start and Newton's method after it. */
+Outcome Settling::seek(VectorXd& z, VectorXd& r) {
+  const VectorXd start = z;
+  const EquilibriumSolver* solver = settings_.method == Method::kinsol ? findEquilibriumSolver("kinsol") : nullptr;
+  Outcome first = solver != nullptr ? solveElsewhere(*solver, z, r) : iterateNewton(z, r);
+  first.method = solver != nullptr ? "kinsol" : "newton";
+  if (first.converged || first.interrupted) return first;
+  z = start;
+  const Outcome coarse = integrateImplicitEuler(z, r, std::max(100 * settings_.maxAcceleration_mPerS2, 0.1));
+  Outcome outcome = coarse.converged ? iterateNewton(z, r) : coarse;
+  outcome.iterations = first.iterations + coarse.iterations + (coarse.converged ? outcome.iterations : 0);
+  outcome.sawFullPenetration |= first.sawFullPenetration || coarse.sawFullPenetration;
+  outcome.touched |= first.touched || coarse.touched;
+  outcome.method = solver != nullptr ? "newton after implicit Euler (kinsol: " + first.reason + ")" : "newton after implicit Euler";
+  outcome.usedEuler = true;
+  return outcome;
+}
+
 StaticResult Settling::run() {
   StaticResult result;
   result.time_s = settings_.time_s;
+  if (settings_.search) share_ = 1.0 / (1 + settings_.search->starts);
   const VectorXd start = findStart();
   VectorXd z = start, r;
   Outcome outcome;
@@ -604,29 +758,9 @@ StaticResult Settling::run() {
     outcome = integrateImplicitEuler(z, r, settings_.maxAcceleration_mPerS2);
     result.iterations = outcome.iterations;
   } else {
-    const bool elsewhere = settings_.method == Method::kinsol;
-    const EquilibriumSolver* solver = elsewhere ? findEquilibriumSolver("kinsol") : nullptr;
-    if (elsewhere && solver == nullptr) {
-      throw InputError(scene_.where("analysis.static.method") + ": kinsol is not part of this program (built without SUNDIALS); allowed: newton, implicit-euler, both");
-    }
-    result.method = elsewhere ? "kinsol" : "newton";
-    outcome = elsewhere ? solveElsewhere(*solver, z, r) : iterateNewton(z, r);
+    outcome = seek(z, r);
+    result.method = outcome.method;
     result.iterations = outcome.iterations;
-    if (!outcome.converged && !outcome.interrupted) {
-      result.method = elsewhere ? "newton after implicit Euler (kinsol: " + outcome.reason + ")" : "newton after implicit Euler";
-      z = start;
-      Outcome coarse = integrateImplicitEuler(z, r, std::max(100 * settings_.maxAcceleration_mPerS2, 0.1));
-      result.iterations += coarse.iterations;
-      const Outcome first = outcome;
-      if (coarse.converged) {
-        outcome = iterateNewton(z, r);
-        result.iterations += outcome.iterations;
-      } else {
-        outcome = coarse;
-      }
-      outcome.sawFullPenetration |= first.sawFullPenetration || coarse.sawFullPenetration;
-      outcome.touched |= first.touched || coarse.touched;
-    }
     if (outcome.converged && settings_.method == Method::both) {
       VectorXd zEuler = start;
       const Outcome euler = integrateImplicitEuler(zEuler, r, settings_.maxAcceleration_mPerS2);
@@ -671,15 +805,21 @@ StaticResult Settling::run() {
   if (outcome.converged) {
     result.status = StaticResult::Status::converged;
     result.statusText = hasPairs && !touching ? "converged without contact" : "converged";
-    const VectorXd stiffness = calcStiffnesses(z);
+    const VectorXd stiffness = makeKnown(z).stiffnesses;
     result.stiffness_NPerM.assign(stiffness.data(), stiffness.data() + stiffness.size());
-    if (stiffness.size() > 0 && stiffness.minCoeff() < -1e-6 * stiffness.cwiseAbs().maxCoeff()) {
+    result.unstable = isUnstable(stiffness);
+    if (result.unstable) {
       result.statusText += " to an unstable equilibrium: the least disturbance makes the body leave it";
     }
     if (settings_.search) {
       searchOthers(z, result);
+      result.contactEvaluations = counters.evaluations;
+      result.distanceQueries = counters.distanceQueries;
       const size_t others = result.search->others.size();
       if (others > 0) result.statusText += "; " + std::to_string(others) + (others == 1 ? " other equilibrium" : " other equilibria") + " found";
+      if (!result.search->complete) {
+        result.statusText += "; search ended after " + std::to_string(result.search->starts) + " of " + std::to_string(settings_.search->starts) + " starts: " + result.search->stopped;
+      }
     }
     for (const contact::ContactResult& contact : result.contacts) {
       if (contact.status == EvaluationStatus::extrapolated) {
@@ -728,6 +868,7 @@ StaticResult settle(const KneeSystem& knee, const SimTK::State& defaultState, co
                     const scene::StaticSpec& settings, const scene::Progress& progress, const scene::Coordinates* start) {
   const auto wallStart = std::chrono::steady_clock::now();
   const double cpuStart = cpuTime_s();
+  checkStaticMethod(scene, settings);
   knee.checkTablesCover(settings.time_s, settings.time_s);
   StaticResult result = Settling(knee, defaultState, scene, settings, progress, start).run();
   result.wallTime_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wallStart).count();

@@ -72,9 +72,18 @@ scene::Scene apply(const scene::Scene& given, const VerifySetting& setting) {
   if (scene.staticAnalysis) scene.staticAnalysis->search.reset();
   if (scene.gait) {
     scene.gait->integrator = setting.integrator;
-    if (setting.accuracy > 0) scene.gait->accuracy = setting.accuracy;
+    if (setting.accuracy > 0) {
+      // Tolerances of the scene's own follow.
+      const double factor = setting.accuracy / given.gait->accuracy;
+      scene::GaitSpec::Tolerances& own = scene.gait->tolerances;
+      for (std::optional<double>* tolerance : {&own.translation_m, &own.angle_rad, &own.speed_mPerS, &own.angularSpeed_radPerS}) {
+        if (*tolerance) **tolerance *= factor;
+      }
+      if (findOdeIntegrator(setting.integrator, "verify").ratesOnly) own.translation_m.reset(), own.angle_rad.reset();
+      scene.gait->accuracy = setting.accuracy;
+    }
     scene.gait->step_s = setting.step_s;
-    scene.gait->maxOrder = 0;
+    scene.gait->maxOrder = setting.maxOrder;
     scene.gait->prescribed = setting.constraints ? scene::GaitSpec::Prescribed::constraints : scene::GaitSpec::Prescribed::automatic;
   }
   return scene;
@@ -162,6 +171,8 @@ VerifySetting takeFrom(const scene::Scene& scene) {
     setting.integrator = chooseIntegrator(scene.gait->integrator);
     setting.accuracy = scene.gait->accuracy;
     setting.step_s = scene.gait->step_s;
+    setting.maxOrder = scene.gait->maxOrder;
+    setting.constraints = scene.gait->prescribed == scene::GaitSpec::Prescribed::constraints;
   }
   return setting;
 }
@@ -177,6 +188,7 @@ std::string VerifySetting::describe() const {
     } else if (accuracy > 0) {
       text << " " << accuracy;
     }
+    if (maxOrder > 0) text << ", order " << maxOrder;
     text << ", ";
   }
   if (factorX == factorZ) {
@@ -202,9 +214,16 @@ std::vector<VerifySetting> listVerifySettings(const scene::Scene& scene, const V
     change(setting);
     settings.push_back(setting);
   };
+  const auto useIntegrator = [](VerifySetting& s, const std::string& name, double accuracy, double step_s) {
+    s.integrator = name;
+    s.accuracy = accuracy;
+    s.step_s = step_s;
+    s.maxOrder = 0;
+    s.constraints = false;
+  };
   if (scene.gait) {
     for (const OdeIntegratorKind& kind : listOdeIntegrators()) {
-      const bool explicitOne = kind.name == "cvode-adams" || kind.name == "runge-kutta-merson" || kind.name == "semi-explicit-euler";
+      const bool explicitOne = kind.equations == OdeIntegratorKind::Equations::none;
       const bool slow = explicitOne || kind.name == "implicit-euler" || kind.name == "arkode-dirk" || kind.name == "ida";
       if (slow && !options.full) continue;
       const bool fixedStep = kind.step == OdeIntegratorKind::Step::fixed;
@@ -216,17 +235,11 @@ std::vector<VerifySetting> listVerifySettings(const scene::Scene& scene, const V
                                                                  : (options.full ? std::vector<double>{1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 1e-6}
                                                                                  : std::vector<double>{3e-4, 1e-4, 1e-5});
       for (const double value : values) {
-        add("integrator", [&](VerifySetting& s) {
-          s.integrator = kind.name;
-          s.step_s = fixedStep ? value * span : 0;
-          s.accuracy = fixedStep ? 0 : value;
-        });
+        add("integrator", [&](VerifySetting& s) { useIntegrator(s, kind.name, fixedStep ? 0 : value, fixedStep ? value * span : 0); });
       }
       if (options.full && kind.unknowns == OdeIntegratorKind::Unknowns::both) {
         add("constraints", [&](VerifySetting& s) {
-          s.integrator = kind.name;
-          s.accuracy = scene.gait->accuracy;
-          s.step_s = 0;
+          useIntegrator(s, kind.name, scene.gait->accuracy, 0);
           s.constraints = true;
         });
       }
@@ -243,9 +256,7 @@ std::vector<VerifySetting> listVerifySettings(const scene::Scene& scene, const V
     for (const double factor : options.full ? std::vector<double>{0.33, 0.5, 0.67} : std::vector<double>{0.5}) {
       for (const double step : {2e-3, 5e-3}) {
         add("combined", [&](VerifySetting& s) {
-          s.integrator = "generalized-alpha";
-          s.accuracy = 0;
-          s.step_s = step * scene.gait->duration_s;
+          useIntegrator(s, "generalized-alpha", 0, step * scene.gait->duration_s);
           s.factorX = s.factorZ = factor;
         });
       }
@@ -268,6 +279,8 @@ std::vector<VerifySetting> listVerifySettings(const scene::Scene& scene, const V
 
 Verification verify(const scene::Scene& scene, const VerifyOptions& options, const scene::Progress& progress) {
   const std::vector<VerifySetting> settings = listVerifySettings(scene, options);
+  if (scene.gait) chooseGaitMethod(scene);
+  checkStaticMethod(scene, scene.staticAnalysis.value_or(scene::StaticSpec{}));
   Verification result;
   result.reference = takeFrom(scene);
   result.reference.group = "reference";
@@ -277,6 +290,8 @@ Verification verify(const scene::Scene& scene, const VerifyOptions& options, con
   if (scene.gait) {
     result.reference.integrator = "cpodes";
     result.reference.step_s = 0;
+    result.reference.maxOrder = 0;
+    result.reference.constraints = false;
     result.reference.accuracy = std::max(1e-12, scene.gait->accuracy * 1e-2);
   }
   // Settings differ in cost; the reference counts for a few of them.

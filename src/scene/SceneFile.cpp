@@ -1330,11 +1330,15 @@ class SceneReader : private ElementContext {
       spec.method = methods[method->getChoice({"newton", "implicit-euler", "both", "kinsol"})];
     }
     if (const auto v = node.find("search")) {
-      v->requireKeys({"starts", "translation", "angle"});
+      v->requireKeys({"starts", "translation", "angle", "max_wall_time"});
       StaticSpec::Search& search = spec.search.emplace();
       if (const auto entry = v->find("starts")) search.starts = entry->getInteger(1, 10000);
       if (const auto entry = v->find("translation")) search.translation_m = entry->getPositive(Dimension::length);
-      if (const auto entry = v->find("angle")) search.angle_rad = entry->getPositive(Dimension::angle);
+      if (const auto entry = v->find("angle")) {
+        search.angle_rad = entry->getPositive(Dimension::angle);
+        if (search.angle_rad > contact::kPi) entry->fail("is " + io::formatQuantity(search.angle_rad, "deg") + "; allowed: > 0, at most 180 deg");
+      }
+      if (const auto entry = v->find("max_wall_time")) search.maxWallTime_s = entry->getPositive(Dimension::time);
     }
     if (const auto v = node.find("max_acceleration"))
       spec.maxAcceleration_mPerS2 = v->getPositive(Dimension::acceleration);
@@ -1366,13 +1370,14 @@ class SceneReader : private ElementContext {
     if (const auto v = node.find("step")) spec.step_s = v->getPositive(Dimension::time);
     if (const auto v = node.find("tolerances")) {
       v->requireKeys({"translation", "angle", "speed", "angular_speed"});
-      const auto read = [&v](const char* key, Dimension dimension, std::optional<double>& value) {
-        if (const auto entry = v->find(key)) value = entry->getPositive(dimension);
+      // From those of the smallest accuracy to steps that may be wrong by more than any layer's indentation.
+      const auto read = [&v](const char* key, Dimension dimension, double lowest, double highest, const char* unit, std::optional<double>& value) {
+        if (const auto entry = v->find(key)) value = entry->getBetween(dimension, lowest, highest, unit);
       };
-      read("translation", Dimension::length, spec.tolerances.translation_m);
-      read("angle", Dimension::angle, spec.tolerances.angle_rad);
-      read("speed", Dimension::speed, spec.tolerances.speed_mPerS);
-      read("angular_speed", Dimension::angularSpeed, spec.tolerances.angularSpeed_radPerS);
+      read("translation", Dimension::length, 1e-15, 1e-3, "mm", spec.tolerances.translation_m);
+      read("angle", Dimension::angle, 1e-14, 0.1, "rad", spec.tolerances.angle_rad);
+      read("speed", Dimension::speed, 1e-11, 1, "mm/s", spec.tolerances.speed_mPerS);
+      read("angular_speed", Dimension::angularSpeed, 1e-10, 100, "rad/s", spec.tolerances.angularSpeed_radPerS);
     }
     if (const auto v = node.find("prescribed")) {
       constexpr std::array<GaitSpec::Prescribed, 3> kinds = {GaitSpec::Prescribed::automatic, GaitSpec::Prescribed::eliminated,

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <pugixml.hpp>
+#include <tuple>
 
 #include "Program.h"
 #include "genu/io/Files.h"
@@ -297,6 +298,35 @@ TEST_F(Runs, CheckRunsNothing) {
   EXPECT_THAT(listFolder(), ElementsAre("gait.csv", "knee.urdf", "knee.yaml"));
 }
 
+// Combinations that only the start of a run could refuse: the same function is asked, so the message is the same, with place, value and what is allowed.
+TEST_F(Runs, CheckRefusesWhatTheRunRefuses) {
+  const std::string gait = "  gait: {duration: 0.2 s, output_interval: 10 ms}\n";
+  const auto withGait = [&](const std::string& more) { return replaced(kKnee, gait, "  gait: {duration: 0.2 s, output_interval: 10 ms, " + more + "}\n"); };
+  for (const auto& [scene, command, parts] : std::vector<std::tuple<std::string, std::string, std::vector<std::string>>>{
+           {withGait("integrator: generalized-alpha, prescribed: constraints"), "gait", {"wrong.yaml:34: analysis.gait.prescribed", "allowed: auto, eliminated"}},
+           {withGait("integrator: semi-explicit-euler, prescribed: eliminated"), "gait", {"wrong.yaml:34: analysis.gait.prescribed", "allowed: auto, constraints"}},
+           {withGait("integrator: generalized-alpha, max_order: 3"), "gait", {"wrong.yaml:34: analysis.gait.max_order", "max_order 3; allowed: none"}},
+           {withGait("integrator: cpodes, max_order: 6"), "gait", {"wrong.yaml:34: analysis.gait.max_order", "allowed: 1 to 5"}},
+           {withGait("integrator: cpodes, step: 1 ms"), "gait", {"wrong.yaml:34: analysis.gait.step: is 0.001 s", "generalized-alpha"}},
+           {withGait("integrator: rk4"), "gait", {"wrong.yaml:34: analysis.gait.integrator", "\"rk4\"", "known: cpodes"}},
+           {withGait("integrator: runge-kutta-merson, tolerances: {angle: 0.01 deg}"), "gait", {"wrong.yaml:34: analysis.gait.tolerances.angle", "would be ignored"}},
+           {replaced(kKnee, gait, "  static: {search: {angle: 200 deg}}\n"), "static", {"wrong.yaml:34: analysis.static.search.angle", "at most 180 deg"}},
+           {replaced(replaced(replaced(kKnee, gait, "  static: {search: {starts: 3}}\n"), "    y: free\n", "    y: {prescribed: 37.9 mm}\n"),
+                     "    z: {free: {damping: 50 N s/m}}\n", "    z: {prescribed: 0 mm}\n    rx: {prescribed: 0 deg}\n"),
+            "static", {"wrong.yaml:35: analysis.static.search", "no coordinate is free"}}}) {
+    write("wrong.yaml", scene);
+    const Outcome check = run({"check", "wrong.yaml"}), ran = run({command, "wrong.yaml", "--output", "out"});
+    EXPECT_EQ(check.exitCode, 2) << check.out << check.err;
+    EXPECT_EQ(ran.exitCode, 2) << ran.err;
+    EXPECT_THAT(ran.err, ::testing::EndsWith(check.err));  // it may have warned before
+    for (const std::string& part : parts) EXPECT_THAT(check.err, HasSubstr(part));
+    const Outcome explained = run({"explain", "wrong.yaml"});
+    if (command == "gait") {
+      EXPECT_EQ(explained.err, check.err);
+    }
+  }
+}
+
 TEST_F(Runs, ExplainNamesWhatIsThereAndWhatIsNot) {
   const Outcome outcome = run({"explain", "knee.yaml"});
   ASSERT_EQ(outcome.exitCode, 0) << outcome.err;
@@ -320,6 +350,43 @@ TEST_F(Runs, ExplainTellsHowContactIsEvaluated) {
   EXPECT_THAT(damped.out, ::testing::Not(HasSubstr("damping of the contact: none")));
   EXPECT_THAT(energy.out, HasSubstr("correction: energy"));
   EXPECT_THAT(energy.out, ::testing::Not(HasSubstr("gradient of the energy: no")));
+}
+
+// The same for solvers and integrators.
+TEST_F(Runs, ExplainNamesMethodsLeftOut) {
+  const std::string gait = "  gait: {duration: 0.2 s, output_interval: 10 ms}\n";
+  const auto leftOut = [&](const std::string& analyses) {
+    write("methods.yaml", replaced(kKnee, gait, analyses));
+    const Outcome outcome = run({"explain", "methods.yaml"});
+    EXPECT_EQ(outcome.exitCode, 0) << outcome.err;
+    return outcome.out.substr(std::min(outcome.out.find("Left out"), outcome.out.size()));
+  };
+  const auto withGait = [&](const std::string& more) { return leftOut("  gait: {duration: 0.2 s, " + more + "}\n"); };
+  using ::testing::Not;
+  const std::string standard = leftOut(gait);
+  for (const char* part : {"SUNDIALS", "KINSOL", "search for further equilibria: ", "series of equilibria: ", "projection onto constraints: ",
+                           "multipliers of constraints while integrating: ", "implicit Euler in statics: ", "comparison of two static methods: ",
+                           "stops of the coordinates: ", "round element surfaces: ", "surface files: ", "estimates of the grid's error: "}) {
+    EXPECT_THAT(standard, HasSubstr(part));
+  }
+  for (const char* part : {"static analysis before the gait", "error estimate of a step", "elimination of prescribed", "Jacobian, Newton", "time integration"}) {
+    EXPECT_THAT(standard, Not(HasSubstr(part)));
+  }
+  const std::string constrained = withGait("integrator: cpodes, prescribed: constraints");
+  EXPECT_THAT(constrained, HasSubstr("elimination of prescribed coordinates: "));
+  EXPECT_THAT(constrained, Not(HasSubstr("projection onto constraints: ")));
+  EXPECT_THAT(constrained, Not(HasSubstr("multipliers of constraints")));
+  EXPECT_THAT(constrained, HasSubstr("cpodes takes differences"));
+  EXPECT_THAT(withGait("integrator: generalized-alpha, settle_first: false"),
+              ::testing::AllOf(HasSubstr("static analysis before the gait: "), HasSubstr("error estimate of a step, step control: the step is fixed")));
+  EXPECT_THAT(withGait("integrator: runge-kutta-merson"), HasSubstr("Jacobian, Newton's method in steps: runge-kutta-merson has neither"));
+  EXPECT_THAT(leftOut("  static: {method: both, search: {starts: 5}}\n  series: {duration: 0.2 s}\n"),
+              ::testing::AllOf(HasSubstr("time integration, integrators, step control: "), Not(HasSubstr("search for further")), Not(HasSubstr("series of")),
+                               Not(HasSubstr("comparison of two")), Not(HasSubstr("implicit Euler in statics"))));
+  if (standard.find("this build has none") != std::string::npos) return;
+  EXPECT_THAT(standard, HasSubstr("the rest of SUNDIALS' integrators: loaded, not called; only SUNDIALS CVODE is"));
+  EXPECT_THAT(constrained, HasSubstr("SUNDIALS' integrators: loaded, none called; the integrator cpodes is Simbody CPODES's"));
+  EXPECT_THAT(leftOut("  static: {method: kinsol}\n"), Not(HasSubstr("KINSOL: ")));
 }
 
 // Every optional part is named while it is out, and no longer when it is in.

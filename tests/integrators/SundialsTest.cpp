@@ -3,9 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
+#include "../../src/model/KneeOde.h"
+#include "../model/KneeFixtures.h"
 #include "genu/model/Analysis.h"
+#include "genu/model/EquilibriumSolver.h"
 #include "genu/model/OdeIntegrator.h"
 #include "genu/scene/SceneFile.h"
 
@@ -72,6 +76,37 @@ TEST_F(Sundials, FollowsAnOscillator) {
     EXPECT_LT(largestError("cvode-bdf", {5, 0}, 1e-7, withJacobian), 1e-4);
     EXPECT_LT(largestError("cvode-adams", {}, 1e-7, withJacobian), 1e-4);
     for (const int order : {2, 3, 4, 5}) EXPECT_LT(largestError("arkode-dirk", {order, 0}, 1e-7, withJacobian), 2e-4) << order;
+  }
+}
+
+/** y' = 1, refused twice after a time: two halvings of a fixed step. */
+class Reluctant : public OdeProblem {
+ public:
+  int size() const override { return 1; }
+  const std::vector<double>& absoluteTolerances() const override { return tolerances_; }
+  Evaluation evaluate(double t, const double*, double* rate) noexcept override {
+    rate[0] = 1;
+    return t > 0.2251 && refusals++ < 2 ? Evaluation::retry : Evaluation::ok;
+  }
+  int refusals = 0;
+
+ private:
+  std::vector<double> tolerances_ = {1e-6};
+};
+
+// Between and at the ends of steps the solution is that of the steps: y' = 1 is followed exactly by backward Euler, and lines between its steps are.
+TEST_F(Sundials, ImplicitEulerIsNotLate) {
+  Reluctant problem;
+  problem.refusals = 2;  // no more
+  const auto integrator = model::makeOdeIntegrator("implicit-euler", problem, {0, 0.1}, "test");
+  ASSERT_TRUE(integrator->initialize(0, {0}, 1));
+  std::vector<double> y;
+  while (integrator->time() < 1) {
+    ASSERT_TRUE(integrator->step()) << integrator->errorText();
+    for (const double before : {0.0, 0.03, 0.1}) {
+      ASSERT_TRUE(integrator->interpolate(integrator->time() - before, y));
+      EXPECT_NEAR(y[0], integrator->time() - before, 1e-9);
+    }
   }
 }
 
@@ -199,6 +234,69 @@ TEST_F(Sundials, ContinueBeyondAStop) {
   }
 }
 
+// Steps of 25 ms (four in the first 0.1 s) up to 0.225; the last one before the jump at 0.23 is halved twice, and the jump cuts its first quarter short. What comes after the jump
+// begins anew: 0.2 s in seven whole steps, none halved.
+TEST_F(Sundials, AJumpEndsTheHalvingOfImplicitEuler) {
+  Reluctant problem;
+  const auto integrator = model::makeOdeIntegrator("implicit-euler", problem, {0, 0.03}, "test");
+  ASSERT_TRUE(integrator->initialize(0, {0}, 0.1));
+  while (integrator->time() < 0.1) ASSERT_TRUE(integrator->step()) << integrator->errorText();
+  ASSERT_TRUE(integrator->continueTo(0.23));
+  while (integrator->time() < 0.23) ASSERT_TRUE(integrator->step()) << integrator->errorText();
+  EXPECT_EQ(integrator->statistics().convergenceFailures, 2);
+  std::vector<double> y;
+  ASSERT_TRUE(integrator->interpolate(0.23, y));
+  EXPECT_NEAR(y[0], 0.23, 1e-9);
+  ASSERT_TRUE(integrator->initialize(0.23, y, 0.43));
+  while (integrator->time() < 0.43) ASSERT_TRUE(integrator->step()) << integrator->errorText();
+  EXPECT_EQ(integrator->statistics().stepsTaken, 7);
+  EXPECT_EQ(integrator->statistics().convergenceFailures, 0);
+  ASSERT_TRUE(integrator->interpolate(0.43, y));
+  EXPECT_NEAR(y[0], 0.43, 1e-9);
+}
+
+// A ball of 3 kg, 120 mm above its layer and pushed with 3 N, from 12 ms on with 3000 N: the cap of the step follows from IDA's own accelerations, 1000 m/s^2, no longer those of the
+// start; with 1 m/s^2 steps of 1 m/s and more would be 0.6 mm long. A step's acceleration is that at its beginning, so the cap holds but for what the end of the ramp has not shown yet: here nothing, the force is constant.
+TEST_F(Sundials, IdaTakesNoStepAcrossAContact) {
+  const model::testing_support::TemporaryFile urdf("ida.urdf", model::testing_support::kneeUrdf());
+  scene::Scene scene = model::testing_support::sphereScene(urdf.path(), 10);
+  scene.loads.push_back(model::testing_support::verticalLoad(scene::TimeSeries{{0, 0.01, 0.012, 1}, {-3, -3, -3000, -3000}, "push"}));
+  std::get<scene::TimeSeries>(scene.loads[0].force_N[1]).interpolation = scene::Interpolation::linear;
+  model::KneeSystem knee(scene);
+  SimTK::State state = knee.system().realizeTopology();
+  knee.system().realizeModel(state);
+  model::KneeOde ode(knee, state, model::OdeTolerances::of(1e-3), model::KneeOde::Prescribed::constraints);
+  const auto integrator = model::makeOdeIntegrator("ida", ode, {}, "test");
+  scene::Coordinates q(6, 0.0);
+  q[4] = 156e-3;
+  std::vector<double> y = ode.start(q, scene::Coordinates(6, 0.0));
+  const std::vector<double> stops = {0.01, 0.012, 0.022};
+  ASSERT_TRUE(integrator->initialize(0, y, stops[0])) << integrator->errorText();
+  integrator->limitStep(ode.findLongestStep(y));
+  double longest = 0, last = y[4];
+  for (const double stop : stops) {
+    if (stop > stops[0]) {
+      ASSERT_TRUE(integrator->continueTo(stop));
+      integrator->limitStep(ode.findLongestStep(y));
+    }
+    while (integrator->time() < stop) {
+      ASSERT_TRUE(integrator->step()) << integrator->errorText();
+      ASSERT_TRUE(integrator->interpolate(integrator->time(), y));
+      integrator->limitStep(ode.findLongestStep(y));
+      if (stop == stops[2]) {
+        longest = std::max(longest, std::abs(y[4] - last));
+        const double v = std::abs(y[10]), a = 3000.0 / 3;  // v h + a h^2/2 = kMostMove_m; IDA's y' still has something of the ramp
+        EXPECT_NEAR(ode.findLongestStep(y) * (v + std::sqrt(v * v + 2 * a * model::KneeOde::kMostMove_m)) / (2 * model::KneeOde::kMostMove_m), 1, 2e-2);
+      }
+      last = y[4];
+    }
+  }
+  // 0.05 mm before the ramp and 10 mm/s, 0.69 mm and 1.001 m/s on it, then 1.011 m/s * 10 ms + 500 m/s^2 * (10 ms)^2; steps may err by 10 mm/s.
+  EXPECT_NEAR(y[4], 156e-3 - 60.85e-3, 0.3e-3);
+  EXPECT_GT(longest, 0.24e-3);  // IDA doubles steps or leaves them: between half the cap and the cap
+  EXPECT_LT(longest, 1.01 * model::KneeOde::kMostMove_m);
+}
+
 scene::Scene gait(const std::string& integrator, double accuracy, double step_s = 0) {
   scene::Scene scene = scene::readScene(std::string(GENU_SOURCE_DIR) + "/models/artificial_knee/gait.yaml", {{}, true, std::pair{15, 15}});
   scene.gait->duration_s = 0.3;
@@ -259,6 +357,30 @@ TEST_F(Sundials, KinsolFindsTheEquilibrium) {
     EXPECT_EQ(kinsol.method, "kinsol");
     for (size_t i = 0; i < newton.q.size(); ++i) EXPECT_NEAR(kinsol.q[i], newton.q[i], 1e-10) << model;
   }
+}
+
+// Every start of a search is treated as the first: where the method gives up, implicit Euler and Newton's method finish. The method is one that always does.
+TEST_F(Sundials, StartsOfASearchFallBackToo) {
+  const model::testing_support::TemporaryFile urdf("fallback.urdf", model::testing_support::kneeUrdf());
+  scene::Scene scene = model::testing_support::sphereScene(urdf.path(), 12);
+  scene.loads.push_back(model::testing_support::verticalLoad(-500.0));
+  scene.staticAnalysis.emplace().method = scene::StaticSpec::Method::kinsol;
+  scene.staticAnalysis->search.emplace().starts = 4;
+  scene.staticAnalysis->search->translation_m = 10e-3;  // through the layer of 6 mm
+  model::registerEquilibriumSolver("kinsol", [](model::EquilibriumProblem&, double*) {
+    model::EquilibriumOutcome outcome;
+    outcome.reason = "it does not want to";
+    return outcome;
+  });
+  const model::StaticResult result = model::runStatic(scene);
+  registerSundials();
+  ASSERT_EQ(result.status, model::StaticResult::Status::converged) << result.statusText;
+  EXPECT_EQ(result.method, "newton after implicit Euler (kinsol: it does not want to)");
+  EXPECT_EQ(result.search->converged, 4);
+  EXPECT_EQ(result.search->afterEuler, 4);
+  EXPECT_EQ(result.search->backToFirst, 4);
+  EXPECT_GT(result.search->movedBack, 0);
+  EXPECT_LT(result.search->movedBack, 4);
 }
 
 }  // namespace

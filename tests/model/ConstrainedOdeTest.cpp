@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "../../src/model/KneeOde.h"
@@ -166,8 +167,52 @@ TEST(Constraints, AreRefusedWhereTheyCannotBeKept) {
     }
     return "no InputError";
   };
-  EXPECT_THAT(errorOf("generalized-alpha", Prescribed::constraints), HasSubstr("cannot keep constraints; remove `prescribed: constraints`"));
-  EXPECT_THAT(errorOf("runge-kutta-merson", Prescribed::eliminated), HasSubstr("works with constraints"));
+  EXPECT_THAT(errorOf("generalized-alpha", Prescribed::constraints),
+              HasSubstr("analysis.gait.prescribed: is constraints, but generalized-alpha cannot keep constraints; allowed: auto, eliminated; constraints with cpodes"));
+  EXPECT_THAT(errorOf("runge-kutta-merson", Prescribed::eliminated), HasSubstr("works with constraints; allowed: auto, constraints; eliminated with cpodes"));
+}
+
+// What a run refuses before it begins is refused by the same function when a scene is checked.
+TEST(Settings, AreRefusedAlikeByRunAndCheck) {
+  const TemporaryFile urdf("alike.urdf", kneeUrdf());
+  const scene::Scene good = gaitScene(urdf.path(), 6);
+  const auto expectBoth = [&](const std::string& part, auto&& change) {
+    scene::Scene scene = good;
+    change(*scene.gait);
+    for (const bool run : {true, false}) {
+      try {
+        if (run) {
+          runGait(scene);
+        } else {
+          checkAnalyses(KneeSystem(scene), scene);
+        }
+        ADD_FAILURE() << part << ": no InputError from the " << (run ? "run" : "check");
+      } catch (const InputError& error) {
+        EXPECT_THAT(error.what(), HasSubstr(part)) << run;
+      }
+    }
+  };
+  EXPECT_NO_THROW(checkAnalyses(KneeSystem(good), good));
+  expectBoth("analysis.gait.prescribed", [](scene::GaitSpec& g) { g.integrator = "generalized-alpha", g.prescribed = Prescribed::constraints; });
+  expectBoth("analysis.gait.prescribed", [](scene::GaitSpec& g) { g.integrator = "semi-explicit-euler", g.prescribed = Prescribed::eliminated; });
+  expectBoth("analysis.gait.max_order", [](scene::GaitSpec& g) { g.integrator = "generalized-alpha", g.maxOrder = 2; });
+  expectBoth("analysis.gait.max_order", [](scene::GaitSpec& g) { g.integrator = "cpodes", g.maxOrder = 6; });
+  expectBoth("analysis.gait.step: is 0.001 s, but cpodes chooses its steps", [](scene::GaitSpec& g) { g.integrator = "cpodes", g.step_s = 1e-3; });
+  expectBoth("analysis.gait.integrator: cvode-adams is not part of this program (built without SUNDIALS)", [](scene::GaitSpec& g) { g.integrator = "cvode-adams"; });
+  expectBoth("analysis.gait.step: is 1e-09 s: 1e+09 steps in 1 s, more than max_steps; allowed: >= 1e-06 s", [](scene::GaitSpec& g) { g.integrator = "generalized-alpha", g.step_s = 1e-9; });
+  expectBoth("did you mean \"cpodes\"", [](scene::GaitSpec& g) { g.integrator = "cpode"; });
+  expectBoth("analysis.gait.tolerances.angle: would be ignored", [](scene::GaitSpec& g) { g.integrator = "runge-kutta-merson", g.tolerances.angle_rad = 1e-5; });
+  expectBoth("analysis.gait.duration", [](scene::GaitSpec& g) { g.duration_s = std::nan(""); });
+  scene::Scene kinsol = good;
+  kinsol.staticAnalysis.emplace().method = scene::StaticSpec::Method::kinsol;
+  for (const auto& run : std::vector<std::function<void()>>{[&] { runStatic(kinsol); }, [&] { runGait(kinsol); }, [&] { checkAnalyses(KneeSystem(kinsol), kinsol); }}) {
+    try {
+      run();
+      ADD_FAILURE() << "no InputError";
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("analysis.static.method: kinsol is not part of this program"));
+    }
+  }
 }
 
 /** A body of 2 kg on a slider, pushed by a table that begins at 0.1 s. */
@@ -279,6 +324,22 @@ TEST(Flight, GimbalLockIsNamed) {
   EXPECT_THAT(result.statusText, HasSubstr("gimbal lock"));
 }
 
+// IDA evaluates residuals, not rates: they are refused there too, and no further away.
+TEST(Flight, GimbalLockIsNamedInTheResidual) {
+  const TemporaryFile urdf("gimbal.urdf", kneeUrdf());
+  scene::Scene scene = testing_support::sphereScene(urdf.path(), 8);
+  scene.contacts.clear();
+  scene.model->coordinates[testing_support::ry] = scene::FreeCoordinate{};
+  Ode free(scene, KneeOde::Prescribed::constraints);
+  const auto n = static_cast<size_t>(free.ode->size()), m = static_cast<size_t>(free.ode->numConstraints());
+  std::vector<double> y(n), rate(n), multipliers(2 * m), residual(n + 2 * m);
+  y[testing_support::ry] = 89.999 * testing_support::kDegree;
+  EXPECT_EQ(free.ode->calcResidual(0, y.data(), rate.data(), multipliers.data(), residual.data()), OdeProblem::Evaluation::ok) << free.ode->failure();
+  y[testing_support::ry] = 90 * testing_support::kDegree;
+  EXPECT_EQ(free.ode->calcResidual(0, y.data(), rate.data(), multipliers.data(), residual.data()), OdeProblem::Evaluation::retry);
+  EXPECT_THAT(free.ode->failure(), HasSubstr("gimbal lock"));
+}
+
 TEST(Breaks, PrescribedCoordinatesNeedACurve) {
   const TemporaryFile urdf("curve.urdf", liftUrdf()), table("curve.csv", "time,y\n0,0\n1,4\n");
   const TemporaryFile yaml("curve.yaml", "genu: 1\nmodel:\n  urdf: " + urdf.path().string() +
@@ -326,7 +387,10 @@ TEST(Tolerances, AreReadWithTheirUnits) {
   EXPECT_EQ(gait.maxSteps, 70);
   EXPECT_EQ(gait.maxWallTime_s, 120);
   EXPECT_EQ(gait.prescribed, Prescribed::constraints);
-  for (const auto& [text, part] : {std::pair{"{translation: 1 N}", "analysis.gait.tolerances.translation"}, {"{speed: 0 mm/s}", "allowed: > 0"}, {"{height: 1 mm}", "height"}}) {
+  for (const auto& [text, part] : {std::pair{"{translation: 1 N}", "analysis.gait.tolerances.translation"},
+                                   {"{speed: 0 mm/s}", "allowed: 1e-08 mm/s to 1000 mm/s"},
+                                   {"{translation: 2 mm}", "allowed: 1e-12 mm to 1 mm"},
+                                   {"{height: 1 mm}", "height"}}) {
     try {
       read(text);
       ADD_FAILURE() << text << ": no InputError";

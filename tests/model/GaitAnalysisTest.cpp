@@ -313,10 +313,10 @@ TEST(GaitAnalysis, RejectsBadSettingsAndShortTables) {
   scene.gait->duration_s = 1.2;
   EXPECT_THAT(messageOf<InputError>([&] { runGait(scene); }), AllOf(HasSubstr("0 s to 1 s"), HasSubstr("1.2 s")));
   scene.gait->duration_s = -1;
-  EXPECT_THAT(messageOf<InputError>([&] { runGait(scene); }), HasSubstr("duration is -1 s"));
+  EXPECT_THAT(messageOf<InputError>([&] { runGait(scene); }), HasSubstr("analysis.gait.duration: is -1 s; allowed: > 0"));
   scene.gait->duration_s = 0.1;
   scene.gait->accuracy = 0;
-  EXPECT_THAT(messageOf<InputError>([&] { runGait(scene); }), HasSubstr("accuracy is 0"));
+  EXPECT_THAT(messageOf<InputError>([&] { runGait(scene); }), HasSubstr("analysis.gait.accuracy: is 0; allowed: > 0"));
 }
 
 }  // namespace

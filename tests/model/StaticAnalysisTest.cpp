@@ -1,6 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "ElementFixtures.h"
 #include "genu/model/Analysis.h"
 #include "genu/model/KneeSystem.h"
@@ -279,13 +282,18 @@ TEST(StaticAnalysis, RepeatsBitForBit) {
 }
 
 /** A body of the lift's slider held by a strut of 12 mm, 10 N/mm, whose foot is 10 mm beside the slider: it snaps to either side, y = +-sqrt(144 - 100) mm,
- where its stiffness along y is k (y/L)^2. */
+ where its stiffness along y is k (y/L)^2. Between them, at y = 0, the strut is pressed to 10 mm and pushes away with k (1 - 12/10). */
+std::string strutScene(const std::filesystem::path& urdf, const std::string& search) {
+  return "genu: 1\nmodel:\n  urdf: " + urdf.string() +
+         "\n  joints: {lift: {translation: {free: {start: 4 mm}}}}\nsprings:\n  strut: {stiffness: 10 N/mm, acts: both, "
+         "rest: {length: 12 mm}, path: [{body: ground, at: \"10 mm, 0 mm, 0 mm\"}, {body: body, at: \"0 mm, 0 mm, 0 mm\"}]}\n"
+         "analysis: {static: {search: " +
+         search + "}}\n";
+}
+
 TEST(StaticAnalysis, SearchFindsTheOtherEquilibrium) {
   const TemporaryFile urdf("strut.urdf", testing_support::liftUrdf());
-  const TemporaryFile yaml("strut.yaml", "genu: 1\nmodel:\n  urdf: " + urdf.path().string() +
-                                             "\n  joints: {lift: {translation: {free: {start: 4 mm}}}}\nsprings:\n  strut: {stiffness: 10 N/mm, acts: both, "
-                                             "rest: {length: 12 mm}, path: [{body: ground, at: \"10 mm, 0 mm, 0 mm\"}, {body: body, at: \"0 mm, 0 mm, 0 mm\"}]}\n"
-                                             "analysis: {static: {search: {starts: 20, translation: 15 mm}}}\n");
+  const TemporaryFile yaml("strut.yaml", strutScene(urdf.path(), "{starts: 20, translation: 15 mm}"));
   const StaticResult result = runStatic(scene::readScene(yaml.path(), {{}, true, {}}));
   ASSERT_EQ(result.status, StaticResult::Status::converged) << result.statusText;
   const double y = std::sqrt(144e-6 - 100e-6), k = 1e4 * 44 / 144;
@@ -295,10 +303,175 @@ TEST(StaticAnalysis, SearchFindsTheOtherEquilibrium) {
   ASSERT_TRUE(result.search);
   EXPECT_EQ(result.search->starts, 20);
   EXPECT_EQ(result.search->converged, 20);
-  ASSERT_EQ(result.search->others.size(), 1u);
-  EXPECT_NEAR(result.search->others[0].q[0], -y, 1e-9);
-  EXPECT_NEAR(result.search->others[0].stiffness_NPerM[0], k, 1e-4 * k);
-  EXPECT_THAT(result.statusText, ::testing::HasSubstr("1 other equilibrium found"));
+  EXPECT_TRUE(result.search->failures.empty());
+  ASSERT_EQ(result.search->others.size(), 2u);
+  const StaticResult::Equilibrium &other = result.search->others[0], &between = result.search->others[1];
+  EXPECT_NEAR(other.q[0], -y, 1e-9);
+  EXPECT_NEAR(other.stiffness_NPerM[0], k, 1e-4 * k);
+  EXPECT_FALSE(other.unstable);
+  EXPECT_NEAR(between.q[0], 0, 1e-9);
+  EXPECT_NEAR(between.stiffness_NPerM[0], -2e3, 1);  // N/m
+  EXPECT_TRUE(between.unstable);
+  EXPECT_EQ(result.search->backToFirst + other.starts + between.starts, 20);
+  EXPECT_THAT(result.statusText, HasSubstr("2 other equilibria found"));
+}
+
+// A search that may take no time, or that the user ends, hands back what it has; the equilibrium itself stands.
+TEST(StaticAnalysis, SearchEndsWithWhatItHas) {
+  const TemporaryFile urdf("strut.urdf", testing_support::liftUrdf());
+  const TemporaryFile yaml("strut.yaml", strutScene(urdf.path(), "{starts: 20, translation: 15 mm, max_wall_time: 1e-9 s}"));
+  scene::Scene scene = scene::readScene(yaml.path(), {{}, true, {}});
+  const StaticResult late = runStatic(scene);
+  EXPECT_EQ(late.status, StaticResult::Status::converged);
+  EXPECT_FALSE(late.search->complete);
+  EXPECT_EQ(late.search->starts, 0);
+  EXPECT_THAT(late.statusText, HasSubstr("search ended after 0 of 20 starts: search.max_wall_time of 1e-09 s is over"));
+  scene.staticAnalysis->search->maxWallTime_s = 600;
+  double last = 0;
+  const StaticResult stopped = runStatic(scene, [&last](double share) {
+    EXPECT_GE(share, last - 0.05);  // within a start it may fall back
+    last = std::max(last, share);
+    return share < 0.5;
+  });
+  EXPECT_EQ(stopped.status, StaticResult::Status::converged);
+  EXPECT_FALSE(stopped.search->complete);
+  EXPECT_GT(stopped.search->starts, 5);
+  EXPECT_LT(stopped.search->starts, 15);
+  EXPECT_EQ(stopped.search->stopped, "interrupted");
+}
+
+// Spun about the vertical a ball stays where it is put: one family of equilibria, not one for every start.
+TEST(StaticAnalysis, AFamilyOfEquilibriaIsFoundOnce) {
+  const TemporaryFile urdf("family.urdf", kneeUrdf());
+  scene::Scene scene = sphereScene(urdf.path(), 20);
+  scene.model->coordinates[ry] = scene::FreeCoordinate{0.1};
+  scene.loads.push_back(verticalLoad(-1000.0));
+  scene.staticAnalysis.emplace().search.emplace().starts = 6;
+  const StaticResult result = runStatic(scene);
+  ASSERT_EQ(result.status, StaticResult::Status::converged) << result.statusText;
+  EXPECT_EQ(result.search->converged, 6);
+  EXPECT_EQ(result.search->others.size(), 0u);
+}
+
+TEST(StaticAnalysis, SearchNeedsAFreeCoordinate) {
+  const TemporaryFile urdf("held.urdf", kneeUrdf());
+  scene::Scene scene = sphereScene(urdf.path(), 20);
+  scene.model->coordinates[y] = scene::PrescribedCoordinate{35.8e-3};
+  scene.staticAnalysis.emplace().search.emplace();
+  EXPECT_THAT(messageOf<InputError>([&] { runStatic(scene); }), HasSubstr("analysis.static.search: no coordinate is free"));
+}
+
+/** A conforming insert that is bistable: two spherical dishes, radius 25 mm, that meet in a ridge 3.5 mm beside the lowest point of each; on it a ball of 20 mm under a vertical
+ load W, free to translate. Layers of constant thickness h and no correction: a pressure k d along the line to the ball's centre C, k = K/h, which is a gradient. With D the largest
+ penetration, s the distance of an element from C, and e = Rd - R + D that of C from a dish's centre (s ds = Rd e sin(angle) d(angle)), the energy of a dish that contact does not leave is
+
+   U(e) = k/2 int d^2 dA = pi k Rd/e int_0^D t^2 (R - t) dt = pi k Rd/e (R D^3/3 - D^4/4),
+
+ central: at a dish's lowest point the ball is in equilibrium where U'(e) = W, with stiffness U''(e) vertically and W/e along both horizontals. By the symmetry about the plane of the
+ ridge and that across it there is one more equilibrium on top of the ridge. */
+struct Bistable {
+  static constexpr double kBall_m = 20e-3, kDish_m = 25e-3, kBeside_m = 3.5e-3, kLayer_m = 6e-3, kW_N = 200, kTop_m = kLayer_m + kDish_m;
+
+  static scene::Scene scene(const std::filesystem::path& urdf, double startX_m, double startZ_m) {
+    scene::Scene scene = sphereScene(urdf, 20, contact::Correction::none);
+    for (const Coordinate c : {x, y, z}) scene.model->coordinates[c] = scene::FreeCoordinate{};
+    std::get<scene::FreeCoordinate>(scene.model->coordinates[x]).start = startX_m;
+    std::get<scene::FreeCoordinate>(scene.model->coordinates[z]).start = startZ_m;
+    scene.contacts[0].definition.compartments.clear();
+    for (const double side : {1.0, -1.0}) {
+      contact::CompartmentDefinition& part = scene.contacts[0].definition.compartments.emplace_back();
+      part.name = side > 0 ? "left" : "right";
+      part.x0_m = -17e-3;
+      part.x1_m = 17e-3;
+      part.z0_m = side > 0 ? 0 : -20e-3;
+      part.z1_m = side > 0 ? 20e-3 : 0;
+      part.nx = 68;
+      part.nz = 60;
+      part.fixedSurface = testing_support::makeSurface(contact::makeDish(kLayer_m, kDish_m, kDish_m, contact::Solid::below, 24e-3), {0, 0, side * kBeside_m});
+      part.movingSurface = testing_support::makeSurface(contact::makeSphere(kBall_m));
+    }
+    scene.loads.push_back(verticalLoad(-kW_N));
+    scene.staticAnalysis.emplace().search = scene::StaticSpec::Search{12, 8e-3, 0.1};
+    return scene;
+  }
+
+  static double k() { return 2140.582192e6 / kLayer_m; }
+  /** U' and U''. */
+  static std::pair<double, double> differentiate(double e) {
+    const double R = kBall_m, D = e - (kDish_m - R), c = contact::kPi * k() * kDish_m;
+    const double g = R * D * D * D / 3 - D * D * D * D / 4, g1 = R * D * D - D * D * D, g2 = 2 * R * D - 3 * D * D;
+    return {c * (g1 / e - g / (e * e)), c * (g2 / e - 2 * g1 / (e * e) + 2 * g / (e * e * e))};
+  }
+  static double distanceInDish() {
+    double low = kDish_m - kBall_m, high = low + 1e-3;
+    for (int i = 0; i < 60; ++i) (differentiate(0.5 * (low + high)).first < kW_N ? low : high) = 0.5 * (low + high);
+    return low;
+  }
+
+  struct Sums {
+    double force_N = 0, alongX = 0, alongZ = 0, vertical = 0;
+  };
+  /** Force and stiffness of the ball on the ridge, at height y, by a sum over the dish on one side, doubled: stiffness k int (u u^T - d/s (1 - u u^T)) dA, u = (C - A)/s. */
+  static Sums sumOnRidge(double y) {
+    constexpr int kN = 500;
+    constexpr double kX_m = 10e-3, kZ_m = 4e-3;
+    Sums sums;
+    for (int i = 0; i < kN; ++i) {
+      for (int j = 0; j < kN; ++j) {
+        const double px = kX_m * (i + 0.5) / kN, pz = kZ_m * (j + 0.5) / kN, beside = pz - kBeside_m;
+        const double drop = std::sqrt(kDish_m * kDish_m - px * px - beside * beside), py = kTop_m - drop;
+        const double s = std::sqrt(px * px + (y - py) * (y - py) + pz * pz), d = kBall_m - s;
+        if (d <= 0) continue;
+        const double kdA = 4 * k() * kDish_m / drop * (kX_m / kN) * (kZ_m / kN);  // of four quarters
+        const double ux = px / s, uy = (y - py) / s, uz = pz / s;
+        sums.force_N += kdA * d * uy;
+        sums.alongX += kdA * (ux * ux - d / s * (1 - ux * ux));
+        sums.vertical += kdA * (uy * uy - d / s * (1 - uy * uy));
+        sums.alongZ += kdA * (uz * uz - d / s * (1 - uz * uz));
+      }
+    }
+    return sums;
+  }
+};
+
+// A dozen cells across each contact, whose forces err with their fourth power: observed 1e-4 of a stiffness on the ridge, which the grid's border follows, and 1e-5 in the dishes; poses by 1 nm.
+TEST(BistableInsert, SearchFindsBothRestsAndTheRidgeBetween) {
+  const TemporaryFile urdf("bistable.urdf", kneeUrdf());
+  const double e = Bistable::distanceInDish(), tangential = Bistable::kW_N / e, radial = Bistable::differentiate(e).second;
+  double low = 27e-3, high = 24e-3;
+  for (int i = 0; i < 30; ++i) (Bistable::sumOnRidge(0.5 * (low + high)).force_N < Bistable::kW_N ? low : high) = 0.5 * (low + high);
+  const Bistable::Sums ridge = Bistable::sumOnRidge(low);
+  // A rigid ball would have -W/R; the width of the contact holds this one a little.
+  EXPECT_LT(ridge.alongZ, -0.5 * Bistable::kW_N / Bistable::kBall_m);
+  EXPECT_GT(ridge.alongZ, -1.02 * Bistable::kW_N / Bistable::kBall_m);
+
+  for (const auto& [startX, startZ] : {std::pair{0.0, 0.5e-3}, {2e-3, 7e-3}, {-1e-3, -0.5e-3}, {0.5e-3, -6e-3}, {0.0, 0.0}}) {
+    SCOPED_TRACE(startZ);
+    const StaticResult result = runStatic(Bistable::scene(urdf.path(), startX, startZ));
+    ASSERT_EQ(result.status, StaticResult::Status::converged) << result.statusText;
+    ASSERT_TRUE(result.search->complete);
+    EXPECT_EQ(result.search->converged, 12) << (result.search->failures.empty() ? "" : result.search->failures[0]);
+    std::vector<StaticResult::Equilibrium> all = result.search->others;
+    all.push_back({result.q, result.stiffness_NPerM, result.unstable, 0});
+    std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.q[z] < b.q[z]; });
+    ASSERT_EQ(all.size(), 3u);
+    for (const size_t side : {0u, 2u}) {
+      EXPECT_FALSE(all[side].unstable);
+      EXPECT_NEAR(all[side].q[z], side == 0 ? -Bistable::kBeside_m : Bistable::kBeside_m, 1e-8);
+      EXPECT_NEAR(all[side].q[x], 0, 1e-8);
+      EXPECT_NEAR(all[side].q[y], Bistable::kTop_m - e, 1e-8);
+      EXPECT_NEAR(all[side].stiffness_NPerM[0] / tangential, 1, 1e-4);
+      EXPECT_NEAR(all[side].stiffness_NPerM[1] / tangential, 1, 1e-4);
+      EXPECT_NEAR(all[side].stiffness_NPerM[2] / radial, 1, 1e-4);
+    }
+    EXPECT_TRUE(all[1].unstable);
+    EXPECT_NEAR(all[1].q[z], 0, 1e-9);
+    EXPECT_NEAR(all[1].q[x], 0, 1e-9);
+    EXPECT_NEAR(all[1].q[y], low, 1e-8);
+    EXPECT_NEAR(all[1].stiffness_NPerM[0] / ridge.alongZ, 1, 1e-3);
+    EXPECT_NEAR(all[1].stiffness_NPerM[1] / ridge.alongX, 1, 1e-3);
+    EXPECT_NEAR(all[1].stiffness_NPerM[2] / ridge.vertical, 1, 1e-3);
+  }
 }
 
 TEST(StaticAnalysis, NeedsAModel) {

@@ -75,6 +75,38 @@ TEST(Verify, IntegratesASceneWithGaitAndSaysWhatFails) {
   EXPECT_THROW(listVerifySettings(without, options), InputError);
 }
 
+// Tolerances of the scene's own follow the accuracies that are tried and that of the reference; kept as they are, every row would take the same steps. What the scene says of order
+// and constraints belongs to its own integrator.
+TEST(Verify, VariesAccuracyWhereTolerancesAreGiven) {
+  const TemporaryFile urdf("verify_tolerances.urdf", kneeUrdf());
+  scene::Scene scene = kneeScene(urdf.path(), 8);
+  testing_support::addGait(scene, 11);
+  scene.gait->duration_s = 0.05;
+  scene.gait->integrator = "cpodes";
+  scene.gait->maxOrder = 3;
+  scene.gait->prescribed = scene::GaitSpec::Prescribed::constraints;
+  scene.gait->tolerances = {1e-7, 4e-6, 1e-3, 0.04};
+  VerifyOptions options;
+  options.repeats = 1;
+  const std::vector<VerifySetting> settings = listVerifySettings(scene, options);
+  EXPECT_EQ(settings[0].maxOrder, 3);
+  EXPECT_TRUE(settings[0].constraints);
+  EXPECT_THAT(settings[0].describe(), HasSubstr("order 3"));
+  const Verification v = verify(scene, options);
+  std::vector<long> steps;
+  for (const VerifyRow& row : v.rows) {
+    EXPECT_EQ(row.problem, "") << row.setting.describe();
+    if (row.setting.group != "integrator") continue;
+    EXPECT_EQ(row.setting.maxOrder, 0);
+    EXPECT_FALSE(row.setting.constraints);
+    if (row.setting.integrator == "cpodes") steps.push_back(row.steps);  // 3e-4, 1e-4, 1e-5
+  }
+  ASSERT_EQ(steps.size(), 3u);
+  EXPECT_GT(steps[2], 1.3 * static_cast<double>(steps[0]));
+  scene.gait->maxOrder = 7;
+  EXPECT_THROW(verify(scene, options), InputError);
+}
+
 TEST(Verify, StopsWhenAsked) {
   const TemporaryFile urdf("verify_stop.urdf", kneeUrdf());
   const scene::Scene scene = kneeScene(urdf.path(), 10);

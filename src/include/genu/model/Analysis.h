@@ -13,6 +13,8 @@
 
 namespace genu::model {
 
+class KneeSystem;
+
 /** Length that makes a rotation comparable with a translation: moments are divided by it, angles multiplied. The
  distance between condyle centers is about twice this. */
 inline constexpr double kAngleLength_m = 0.025;
@@ -43,14 +45,22 @@ struct StaticResult {
   std::optional<double> methodDifference_m;
   /** Eigenvalues of the stiffness of the free coordinates (angles times kAngleLength_m), lowest first; negative: unstable. Empty: none. */
   std::vector<double> stiffness_NPerM;
+  bool unstable = false;  ///< the least disturbance makes the body leave it
   struct Equilibrium {
     scene::Coordinates q;
     std::vector<double> stiffness_NPerM;
+    bool unstable = false;
+    int starts = 0;  ///< that ended here; 0: found between two stable ones
   };
-  /** StaticSpec::search: what else was found. */
+  /** StaticSpec::search: what else was found. Every start is treated as the first: implicit Euler and Newton again where it does not converge. */
   struct Search {
     int starts = 0, converged = 0;
+    int movedBack = 0;    ///< starts that were no valid pose and begin nearer to the first equilibrium
+    int afterEuler = 0;   ///< of those that converged
+    int backToFirst = 0;  ///< that ended at the equilibrium around which they lay
+    std::vector<std::string> failures;  ///< "start 7: " and why it did not converge
     bool complete = true;
+    std::string stopped;  ///< why it is not complete
     std::vector<Equilibrium> others;
   };
   std::optional<Search> search;
@@ -113,5 +123,21 @@ scene::Trajectory replay(const std::vector<double>& time_s, const std::vector<sc
 
 /** Names allowed for GaitSpec::integrator. */
 std::vector<std::string> integratorNames();
+
+// What analyses refuse of a scene whose model is built. Runs call these, and so does `genu check`.
+
+struct OdeIntegratorKind;
+/** How analysis.gait is integrated: the integrator's kind, and whether prescribed coordinates are unknowns with constraints. */
+struct GaitMethod {
+  const OdeIntegratorKind* kind;
+  bool constraints;
+};
+/** @throws InputError at analysis.gait.integrator, max_order, step, prescribed or tolerances: what this program does not have, what does not go
+ together, and what would be ignored */
+GaitMethod chooseGaitMethod(const scene::Scene& scene);
+/** @throws InputError at analysis.static: a method that this program does not have, or a search without a free coordinate */
+void checkStaticMethod(const scene::Scene& scene, const scene::StaticSpec& settings);
+/** All of it for every analysis of the scene, and that tables cover their times. @throws InputError */
+void checkAnalyses(const KneeSystem& knee, const scene::Scene& scene);
 
 }  // namespace genu::model

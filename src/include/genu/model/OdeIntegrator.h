@@ -108,6 +108,7 @@ std::unique_ptr<OdeIntegrator> makeOdeIntegrator(const std::string& name, OdePro
 struct OdeIntegratorKind {
   enum class Step { adaptive, either, fixed };  ///< fixed: always; either: where OdeSettings gives one
   std::string name;
+  std::string library;                          ///< whose code it is: "SUNDIALS CVODE"
   std::string description;                      ///< one line
   int lowestOrder = 0, highestOrder = 0;        ///< of OdeSettings::maxOrder; 0: it takes none
   Step step = Step::adaptive;
@@ -115,16 +116,22 @@ struct OdeIntegratorKind {
   enum class Unknowns { eliminated, constraints, both };
   Unknowns unknowns = Unknowns::eliminated;
   std::function<std::unique_ptr<OdeIntegrator>(OdeProblem&, const OdeSettings&)> make;
+  /** How it solves the equations of a step: it has none, with a Jacobian that it takes by differences, with OdeProblem::calcJacobian where there is one. */
+  enum class Equations { none, differenced, exact };
+  Equations equations = Equations::exact;
+  bool ratesOnly = false;                       ///< weighs errors by the tolerances of rates alone
 };
 /** Adds a kind; one of the same name is replaced. */
 void registerOdeIntegrator(OdeIntegratorKind kind);
 /** In the order in which they were added. */
 std::vector<OdeIntegratorKind> listOdeIntegrators();
-/** @throws InputError for an unknown name, listing the known ones; `where` is the key it came from */
+/** @throws InputError for an unknown name, listing the known ones and telling one that this build leaves out; `where` is the key it came from */
 const OdeIntegratorKind& findOdeIntegrator(const std::string& name, const std::string& where);
 /** The name that a scene gives, or the standard: "cvode-bdf" where it was registered, else "cpodes", the same method. */
 std::string chooseIntegrator(const std::string& given);
+/** Begins a message about a setting, `max_order` or `step`: "scene.yaml:12: analysis.gait.max_order". */
+using PlaceOfSetting = std::function<std::string(const char* setting)>;
 /** @throws InputError a setting that the kind does not take */
-void checkOdeSettings(const OdeIntegratorKind& kind, const OdeSettings& settings, const std::string& where);
+void checkOdeSettings(const OdeIntegratorKind& kind, const OdeSettings& settings, const PlaceOfSetting& placeOf);
 
 }  // namespace genu::model

@@ -22,6 +22,7 @@ struct VerifySetting {
   std::string integrator;  ///< empty in static scenes
   double accuracy = 0;     ///< of integrators with error control, else 0
   double step_s = 0;       ///< of fixed-step integrators, else 0
+  int maxOrder = 0;        ///< 0: the integrator's own
   double factorX = 1, factorZ = 1;  ///< cells of every compartment, over the scene's
   contact::ContactRule rule = contact::ContactRule::smooth;
   contact::DistanceMethod distance = contact::DistanceMethod::minimum;

@@ -112,6 +112,7 @@ struct StaticSpec {
   struct Search {
     int starts = 30;
     double translation_m = 3e-3, angle_rad = 0.17;
+    double maxWallTime_s = 600;  ///< the search ends beyond, with what it has
   };
   std::optional<Search> search;
 };
