@@ -318,7 +318,7 @@ typedef struct genu_result {
   /* With with_stiffness, else 0: d(force, moment on M)/d(coordinates), row by row: stiffness[6 * row + column]; rows
      force [N] then moment about F's origin [N m], columns rx, ry, rz [rad], x, y, z [m]. Not symmetric in general. */
   double stiffness[36];
-  int distance_queries; /* work done */
+  int distance_queries; /* work done: points whose distance was asked */
   int copied;           /* 1: taken from the stored result */
   /* With with_stiffness and damping of the pair, else 0: d(force, moment on M)/d(rates), laid out as stiffness [N s/rad, N m s/rad,
      N s/m, N s]. The stiffness is then the derivative at constant rates. */
