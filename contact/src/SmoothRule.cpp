@@ -688,16 +688,16 @@ class SmoothEvaluation {
     A = c_.fixed->patch(out.base.patch).calcPoint(out.base.u, out.base.v);
     const Eigen::Map<const Vec3> n_F(out.base.normal);
     if (!(n_F.dot(c_.normal_F[static_cast<size_t>(at.cell)]) > 0)) return false;
-    if (const Thickness& layer = impl_.definition.fixedThickness; std::holds_alternative<BackSurface>(layer.source)) {
-      // A polynomial through a parabola leaves the nodes by a quarter of their range at most; a step of the thickness must not look thin.
-      const double beyond_m = std::min(0.25 * (most_m - least_m), 0.125 * least_m);
-      h_m = std::min(std::max(h_m, least_m - beyond_m), most_m + beyond_m);
-    } else {
+    const Thickness& layer = impl_.definition.fixedThickness;
+    if (!std::holds_alternative<BackSurface>(layer.source)) {  // which would take a search
       std::vector<LineHit> none;
       h_m = measureThickness(layer, A, n_F, none);
       clampThickness(layer, h_m);
       if (std::isnan(h_m)) return false;
     }
+    // A parabola leaves its nodes by a quarter of their range at most; a step of the thickness, or its end, must not look thin.
+    const double beyond_m = std::min(0.25 * (most_m - least_m), 0.125 * least_m);
+    h_m = std::min(std::max(h_m, least_m - beyond_m), most_m + beyond_m);
     std::copy(A.data(), A.data() + 3, out.place);
     out.place[3] = 0;
     std::copy(n_F.data(), n_F.data() + 3, out.place + 4);
