@@ -241,7 +241,7 @@ const ContactResult& ErrorEstimator::companionResult() const { return impl_->res
 
 void ErrorEstimator::evaluate(const ContactWorkspace& ownWorkspace, ContactErrorEstimate& estimate) {
   Impl& m = *impl_;
-  ContactWorkspace::Impl& own = *ownWorkspace.impl_;
+  ContactWorkspace::Impl& own = *ownWorkspace.impl_;  // is only read
   const size_t n = m.pair.impl_->compartments.size();
   estimate.compartments.assign(n, LoadError{});
   estimate.total = LoadError{};

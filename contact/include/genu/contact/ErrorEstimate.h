@@ -30,8 +30,8 @@ struct ContactErrorEstimate {
 
 /** Second grid on the same rectangles that an evaluation is compared with. */
 enum class Companion {
-  fine,    ///< every cell split in four: about four times the cost of the evaluation itself
-  coarse,  ///< half as many cells each way (rounded up): about a quarter of the cost; plain grids only. Less sharp.
+  fine,    ///< every cell split in four: three to four times the cost of the evaluation itself
+  coarse,  ///< half as many cells each way (rounded up): about half the cost; plain grids only. Less sharp, but for the smooth rule's peak.
 };
 
 /** Estimates the discretisation error of an evaluation from a second one on another grid [Richardson 1911], quantity by quantity:

@@ -361,8 +361,8 @@ GENU_API genu_status genu_pair_fields(const genu_pair* pair, const genu_workspac
 
 /* Second grid that an evaluation is compared with. */
 typedef GENU_ENUM(genu_companion) {
-  GENU_COMPANION_FINE = 0,  /* every cell split in four: about three times the cost of the evaluation */
-  GENU_COMPANION_COARSE = 1 /* half as many cells each way: about a third of the cost; less sharp */
+  GENU_COMPANION_FINE = 0,  /* every cell split in four: three to four times the cost of the evaluation */
+  GENU_COMPANION_COARSE = 1 /* half as many cells each way: about half the cost; less sharp */
 } genu_companion;
 
 /* Estimated absolute errors that the grid makes, not a bound; how often the true error is larger: docs/theory.md. The errors of
