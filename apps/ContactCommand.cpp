@@ -138,6 +138,10 @@ int runContactCommand(const ContactOptions& options, const CommonOptions& common
         report::writeVtp(file, report::makeElementMesh(pair.definition(), fields, report::Precision::full, poses.calcPose(q, p)));
       }
       spdlog::info("wrote {}", file.string());
+      for (size_t k = 0; k < fields.size(); ++k) {
+        const std::string note = report::describeUnresolved(pair.definition().compartments[k].name, report::calcUnresolvedShare(fields[k]));
+        if (!note.empty()) spdlog::warn("{}: {}", file.string(), note);
+      }
     }
   }
   meter.finish();

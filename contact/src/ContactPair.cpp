@@ -454,6 +454,7 @@ std::vector<std::vector<ElementField>> ContactPair::calcFields(const ContactWork
       f.forceDirection_F = a.direction_F;
       f.active = true;
     }
+    if (smooth && w.hasStored) impl_->markUnresolved(c, m, w.stored.compartments[k], fields[k]);
     if (impl_->given.gridOn == GridOn::moving) {
       for (ElementField& f : fields[k]) mapFieldFromM(w.X_FM, f);
     }

@@ -313,8 +313,49 @@ class SmoothEvaluation {
     load_.unresolvedCompartments = negative ? 1 : 0;
   }
 
+  /** What the pressure rises from the peak to the top of the polynomial through nine places a quarter of a cell apart around it. */
+  double calcPeakRise(const NetLoad& load) const {
+    constexpr double kStep = 0.25;  // of a cell
+    static constexpr double kTo[kStencil][2] = {{0, 0}, {1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}};
+    const PeakPlace& peak = memory_.peak;
+    if (peak.cell < 0) return 0;
+    // Beyond the rectangle nothing counts: there the places end.
+    const GridCell& cell = c_.cell[static_cast<size_t>(peak.cell)];
+    const auto place = [](double at, int index, int count, bool wraps) {
+      if (wraps) return at;
+      const double low = index == 0 ? kStep - 0.5 : at, high = index == count - 1 ? 0.5 - kStep : at;
+      return std::min(std::max(at, low), high);
+    };
+    PeakPlace middle = peak;
+    middle.xi = place(peak.xi, cell.ix, c_.nx << cell.level, c_.wraps);
+    middle.eta = place(peak.eta, cell.iz, c_.nz << cell.level, false);
+    double strain[kStencil] = {}, share = 0;
+    int mask = 0, corners = 0;
+    for (int n = 0; n < kStencil; ++n) {
+      PeakPlace at = middle;
+      at.xi += kStep * kTo[n][0];
+      at.eta += kStep * kTo[n][1];
+      Probe probed;
+      if (!probe(at, probed)) {
+        if (n == 0) return 0;
+        continue;
+      }
+      strain[n] = probed.s * probed.r;
+      if (n == 0) share = probed.share;
+      if (n > 0) n < 5 ? mask |= 1 << (n - 1) : ++corners;
+    }
+    double E[kMonomials], xi = 0, eta = 0;
+    calcCoefficients(strain, corners == 4 ? mask | 16 : mask, E);
+    const double here = evaluateAt(E, (peak.xi - middle.xi) / kStep, (peak.eta - middle.eta) / kStep);
+    for (int m = 1; m < kMonomials; ++m) E[m] *= m < 3 ? 2 : 4;  // findMaximum looks half a unit far
+    const double top = findMaximum(E, xi, eta);
+    if (!(here > 0) || !(top > here)) return 0;
+    return load.peakPressure_Pa * (law_.calcPressure(top, share) / law_.calcPressure(here, share) - 1);
+  }
+
   int numNewNodes() const { return static_cast<int>(memory_.numNodes - firstNode_); }
-  int numNodes() const { return static_cast<int>(memory_.numNodes); }
+  /** Grid points and, where it was sought between them, the place of the peak. */
+  int numQueries() const { return static_cast<int>(memory_.numNodes) + numProbes_; }
   void addStiffness(Matrix6& byMotion, Matrix6& byRate) const {
     using Rows = Eigen::Matrix<double, 6, 8, Eigen::RowMajor>;
     if (isGradient()) {
@@ -613,6 +654,7 @@ class SmoothEvaluation {
   /** A place on the fixed surface between the nodes, looked at as a node is. */
   struct Probe {
     double place[kPlaceStride];
+    TrackedFoot base;  // of the place on the fixed surface
     TrackedFoot foot;
     TrackedHit hit;
     NodeField field;
@@ -622,7 +664,7 @@ class SmoothEvaluation {
   };
 
   /** False where there is no contact to be known of. */
-  bool probe(const PeakPlace& at, Probe& out) {
+  bool probe(const PeakPlace& at, Probe& out) const {
     const auto& stencil = c_.stencil[static_cast<size_t>(at.cell)];
     const StencilWeights& T = stencilWeights(at.mask);
     const double monomial[kMonomials] = {1, at.xi, at.eta, at.xi * at.xi, at.eta * at.eta, at.xi * at.eta};
@@ -639,14 +681,21 @@ class SmoothEvaluation {
       most_m = std::max(most_m, c_.hF_m[k]);
     }
     // From the polynomial onto the surface.
-    TrackedFoot& base = memory_.peakFoot;
     const int first = 0;
-    trackFeet(*c_.fixed, A.data(), &first, 1, &base, FootDerivatives::first);
-    if (base.status == QueryStatus::notConverged) return false;
-    A = c_.fixed->patch(base.patch).calcPoint(base.u, base.v);
-    const Eigen::Map<const Vec3> n_F(base.normal);
+    out.base = memory_.peakFoot;
+    trackFeet(*c_.fixed, A.data(), &first, 1, &out.base, FootDerivatives::first);
+    if (out.base.status == QueryStatus::notConverged) return false;
+    A = c_.fixed->patch(out.base.patch).calcPoint(out.base.u, out.base.v);
+    const Eigen::Map<const Vec3> n_F(out.base.normal);
     if (!(n_F.dot(c_.normal_F[static_cast<size_t>(at.cell)]) > 0)) return false;
-    // A polynomial through a parabola leaves the nodes by a quarter of their range at most; a step of the thickness must not look thin.
+    const Thickness& layer = impl_.definition.fixedThickness;
+    if (!std::holds_alternative<BackSurface>(layer.source)) {  // which would take a search
+      std::vector<LineHit> none;
+      h_m = measureThickness(layer, A, n_F, none);
+      clampThickness(layer, h_m);
+      if (std::isnan(h_m)) return false;
+    }
+    // A parabola leaves its nodes by a quarter of their range at most; a step of the thickness, or its end, must not look thin.
     const double beyond_m = std::min(0.25 * (most_m - least_m), 0.125 * least_m);
     h_m = std::min(std::max(h_m, least_m - beyond_m), most_m + beyond_m);
     std::copy(A.data(), A.data() + 3, out.place);
@@ -685,16 +734,25 @@ class SmoothEvaluation {
     return true;
   }
 
+  int findMask(int element) const {
+    const auto at = std::lower_bound(memory_.tasks.begin(), memory_.tasks.end(), element, [](const CellTask& t, int e) { return t.element < e; });
+    return at->mask;
+  }
+
   /** Largest strain that is met at a node or at the place between them that promises most; the pressure grows with it. Returns a
    pressure that no cell's polynomial goes beyond. */
   double findPeak() {
-    PeakPlace peak;
+    PeakPlace& peak = memory_.peak;
     kernels_.findPeak(grid_, memory_.tasks.data(), static_cast<int>(memory_.tasks.size()), peak);
     if (peak.node < 0) return 0;
     const auto node = static_cast<size_t>(peak.node);
     const double share = grid_.share != nullptr ? grid_.share[node] : 0, factor = memory_.field[node].factor;
     Probe between;
-    if (peak.cell >= 0 && probe(peak, between) && between.s * between.r > std::max(0.0, peak.nodeStrain)) {
+    const bool isSought = peak.cell >= 0;
+    numProbes_ += isSought;
+    const bool isKnown = isSought && probe(peak, between);
+    if (isSought) memory_.peakFoot = between.base;
+    if (isKnown && between.s * between.r > std::max(0.0, peak.nodeStrain)) {
       load_.maxStrain = between.s * between.r;
       load_.peakPressure_Pa = law_.calcPressure(load_.maxStrain, between.share) * between.field.factor;
       load_.peakPoint_F = Eigen::Map<const Vec3>(between.place);
@@ -702,6 +760,11 @@ class SmoothEvaluation {
       load_.maxStrain = peak.nodeStrain;
       load_.peakPressure_Pa = law_.calcPressure(peak.nodeStrain, share) * factor;
       load_.peakPoint_F = c_.p_FA[node];
+      peak.cell = peak.node;
+      peak.mask = findMask(peak.node);
+      peak.xi = peak.eta = 0;
+    } else {
+      peak.cell = -1;
     }
     const bool isMissed = !(load_.maxStrain > 0) && load_.scalarForce_N > 0;
     if (!isMissed && !(load_.scalarForce_N < 0) && !(load_.energy_J < 0)) return load_.peakPressure_Pa;
@@ -726,6 +789,7 @@ class SmoothEvaluation {
   CellLaw law_;
   const bool byRay_;
   size_t firstNode_ = 0;
+  int numProbes_ = 0;
   CellGrid grid_{};
   StiffnessSums stiffness_;  // set by sum() where they are asked for
   EnergyGradient gradient_;
@@ -866,8 +930,50 @@ void ContactPair::Impl::evaluateSmooth(std::vector<CompartmentMemory>& memory, E
     group.run(one, [](SmoothEvaluation& e, int) { e.sum(); });
     for (size_t k = 0; k < group.count; ++k) {
       const SmoothEvaluation& e = *group.evaluations[k];
-      *task.queries += e.numNodes();
+      *task.queries += e.numQueries();
       if (task.withStiffness) e.addStiffness(task.byMotion, task.byRate);
+    }
+  }
+}
+
+double ContactPair::Impl::calcPeakRise(const Compartment& c, CompartmentMemory& memory, const Pose& X_FM, const NetLoad& load) const {
+  EvaluationTask task;
+  task.X_FM = X_FM;
+  NetLoad unused;
+  return SmoothEvaluation(*this, c, task, memory, unused).calcPeakRise(load);
+}
+
+void ContactPair::Impl::markUnresolved(const Compartment& c, const CompartmentMemory& memory, const NetLoad& load,
+                                       std::vector<ElementField>& fields) const {
+  constexpr double kShare = 0.1;  // of the largest strain
+  struct Cell {
+    double E[kMonomials];  // of the strain
+  };
+  std::vector<Cell> cells(memory.tasks.size());
+  std::vector<int> cellOf(c.size(), -1);
+  for (size_t i = 0; i < cells.size(); ++i) {
+    const auto element = static_cast<size_t>(memory.tasks[i].element);
+    gatherStrain(c.stencil[element].data(), memory.usable.data(), memory.s.data(), memory.r.data(), memory.tasks[i].mask, cells[i].E);
+    cellOf[element] = static_cast<int>(i);
+  }
+  for (size_t i = 0; i < cells.size(); ++i) {
+    const auto element = static_cast<size_t>(memory.tasks[i].element);
+    if (!fields[element].active) continue;
+    for (size_t side = 1; side < 5; ++side) {
+      const int beside = c.stencil[element][side];
+      if (beside < 0 || beside >= c.elements) continue;
+      const Cell* other = cellOf[static_cast<size_t>(beside)] < 0 ? nullptr : &cells[static_cast<size_t>(cellOf[static_cast<size_t>(beside)])];
+      const int axis = side < 3 ? 0 : 1;
+      const double out = side % 2 == 1 ? 0.5 : -0.5;
+      // The one that bends more over the side is the one that knows less; with no contact beside it, it stands alone.
+      if (other != nullptr && std::abs(other->E[3 + axis]) > std::abs(cells[i].E[3 + axis])) continue;
+      for (const double along : {-0.25, 0.25}) {
+        const auto value = [&](const Cell& cell, double to) {
+          return std::max(0.0, axis == 0 ? evaluateAt(cell.E, to, along) : evaluateAt(cell.E, along, to));
+        };
+        const double difference = value(cells[i], out) - (other == nullptr ? 0 : value(*other, -out));
+        if (std::abs(difference) > kShare * load.maxStrain) fields[element].unresolved = true;
+      }
     }
   }
 }

@@ -1,6 +1,7 @@
 """Instructions by source line, function and object, from callgrind's output."""
 
 import collections
+import os.path
 import pathlib
 import subprocess
 import sys
@@ -19,7 +20,7 @@ class Profile:
         for line in text.splitlines():
             key, equals, value = line.partition("=")
             if equals and key in ("fl", "fi", "fe"):
-                file = value
+                file = os.path.normpath(value)  # a compiler cache makes it relative to the build's folder
             elif equals and key == "fn":
                 function = value
             elif equals and key == "ob":

@@ -76,7 +76,7 @@ def contact_parts():
                            "void calcLawMoments(")
            .function(detail / "CellRule.h", "LawQuadrature chooseQuadrature(").file(detail / "LawTable.h"))
     return {
-        "back_of_insert": ("back surface of the insert, measured once", Code().function(CONTACT / "LayerThickness.cpp", "double measureThickness(")),
+        "back_of_insert": ("back surface of the insert, measured once", Code().function(CONTACT / "LayerThickness.cpp", "double operator()(const BackSurface& t)")),
         "back_of_femur": ("layer of the femur to a back surface: a map",
                           Code().function(detail / "LayerThickness.h", "double interpolate(int", "double interpolate(const", "double calcMixedSlope(",
                                           "static int findPiece(")),

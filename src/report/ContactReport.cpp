@@ -87,6 +87,23 @@ bool hasNumbers(EvaluationStatus status) {
   return status == EvaluationStatus::ok || status == EvaluationStatus::extrapolated;
 }
 
+double calcUnresolvedShare(const std::vector<contact::ElementField>& fields) {
+  double all = 0, unresolved = 0;
+  for (const contact::ElementField& e : fields) {
+    all += e.force_N;
+    if (e.unresolved) unresolved += e.force_N;
+  }
+  return all > 0 ? unresolved / all : 0;
+}
+
+std::string describeUnresolved(const std::string& compartment, double share) {
+  // A tenth goes with errors of the elements' forces of some 5 % (docs/theory.md, "Elements beside an edge").
+  if (!(share > 0.1)) return "";
+  return fmt::format("{}: up to {:.0f} % of the force is on elements beside an edge or fold that the grid does not resolve; their pressures, forces and "
+                     "areas are wrong, and the net force may be. Take a finer grid, or estimate the errors",
+                     compartment, 100 * share);
+}
+
 std::string describeLeftOut(const NetLoad& load) {
   std::string text;
   if (load.boundaryElements > 0) {

@@ -105,6 +105,8 @@ void addCellData(const std::vector<std::vector<ElementField>>& fields, bool full
   data.push_back(makeArray<Real>("area_m2", 1, fields, [](const ElementField& e, size_t) { return e.area_m2; }));
   data.push_back(
       makeArray<std::uint8_t>("contact", 1, fields, [](const ElementField& e, size_t) { return e.active ? 1 : 0; }));
+  data.push_back(
+      makeArray<std::uint8_t>("unresolved", 1, fields, [](const ElementField& e, size_t) { return e.unresolved ? 1 : 0; }));
   data.push_back(makeArray<std::uint8_t>("compartment", 1, fields,
                                          [](const ElementField&, size_t c) { return static_cast<int>(c); }));
   data.push_back(makeArray<std::int32_t>("ix", 1, fields, [](const ElementField& e, size_t) { return e.ix; }));
@@ -140,7 +142,7 @@ void writeElementCsv(const fs::path& file, const contact::ContactPairDefinition&
   temporary += ".part";
   std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
   out << "compartment,ix,iz,x_m,y_m,z_m,normal_x,normal_y,normal_z,area_m2,distance_m,penetration_m,thickness_m,"
-         "pressure_Pa,direction_x,direction_y,direction_z,contact,contact_share,force_N,level\n";
+         "pressure_Pa,direction_x,direction_y,direction_z,contact,contact_share,force_N,level,unresolved\n";
   fmt::memory_buffer buffer;
   const auto flush = [&] {
     out.write(buffer.data(), static_cast<std::streamsize>(buffer.size()));
@@ -148,11 +150,11 @@ void writeElementCsv(const fs::path& file, const contact::ContactPairDefinition&
   };
   for (size_t c = 0; c < fields.size(); ++c) {
     for (const auto& e : fields[c]) {
-      fmt::format_to(std::back_inserter(buffer), "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
+      fmt::format_to(std::back_inserter(buffer), "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n",
                      definition.compartments.at(c).name, e.ix, e.iz, e.p_FA.x(), e.p_FA.y(), e.p_FA.z(), e.normal_F.x(),
                      e.normal_F.y(), e.normal_F.z(), e.area_m2, e.distance_m, e.d_m, e.h_m, e.p_Pa,
                      e.forceDirection_F.x(), e.forceDirection_F.y(), e.forceDirection_F.z(), e.active ? 1 : 0,
-                     e.contactShare, e.force_N, e.level);
+                     e.contactShare, e.force_N, e.level, e.unresolved ? 1 : 0);
       if (buffer.size() > 60000) flush();
     }
   }

@@ -213,7 +213,7 @@ std::vector<size_t> chooseFrames(const Trajectory& trajectory, const RunInfo& in
 }
 
 struct MapOutput {
-  std::vector<std::string> scripts;
+  std::vector<std::string> scripts, notes;
   bool complete = true;
 };
 
@@ -223,12 +223,15 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
   const auto pairs = scene::makeContactPairs(scene);
   const std::vector<size_t> chosen = chooseFrames(trajectory, info, duration_s);
   std::vector<std::pair<double, std::string>> maps, surfaces;
+  std::vector<double> unresolved;  // largest share of the force, of each compartment of all pairs
   for (size_t p = 0; p < pairs.size() && output.complete; ++p) {
     const contact::ContactPair& pair = *pairs[p];
     const std::string pairName = makeFileName(scene.contacts[p].name);
     contact::ContactWorkspace workspace(pair);
     contact::ContactResult result;
     std::vector<MapPanel> panels;
+    const size_t firstOfPair = unresolved.size();
+    unresolved.resize(firstOfPair + pair.definition().compartments.size());
     const auto fixedSurfaces = listSurfaces(pair.definition(), true);
     const auto movingSurfaces = listSurfaces(pair.definition(), false);
     if (info.maps) {
@@ -245,6 +248,9 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
       const contact::Pose X_FM = info.calcPairPose ? info.calcPairPose(frame, p) : contact::calcPose(scene::takeSix(frame.q));
       pair.evaluate(X_FM, workspace, {}, result);
       const auto fields = pair.calcFields(workspace);
+      for (size_t k = 0; k < fields.size(); ++k) {
+        unresolved[firstOfPair + k] = std::max(unresolved[firstOfPair + k], calcUnresolvedShare(fields[k]));
+      }
       if (info.maps) {
         VtkMesh mesh = makeElementMesh(pair.definition(), fields, Precision::single, X_FM);
         mesh.fieldData.push_back({"TimeValue", 1, std::vector<double>{frame.time_s}});
@@ -271,6 +277,11 @@ MapOutput writeMaps(OutputFolder& out, const Scene& scene, const Trajectory& tra
                                             // The first pair's fixed body is the tibia; another one's axes are its own.
                                             scene.contacts[p].fixedBody == scene.contacts[0].fixedBody));
     }
+  }
+  const std::vector<std::string> names = listCompartmentNames(scene);
+  for (size_t k = 0; k < unresolved.size(); ++k) {
+    std::string note = describeUnresolved(names[k], unresolved[k]);
+    if (!note.empty()) output.notes.push_back("pressure maps: " + std::move(note));
   }
   if (!maps.empty()) writePvd(out.file("pressure.pvd"), maps);
   if (!surfaces.empty()) writePvd(out.file("surfaces.pvd"), surfaces);
@@ -611,6 +622,7 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   if (info.maps || info.plots) {
     MapOutput maps = writeMaps(out, scene, trajectory, info, duration_s, progress);
     scripts = maps.scripts;
+    output.notes.insert(output.notes.end(), maps.notes.begin(), maps.notes.end());
     mapsComplete = maps.complete;
     if (!mapsComplete) output.notes.emplace_back("pressure maps are incomplete: interrupted");
   }

@@ -394,6 +394,74 @@ void instructions() {
   print("Instruction sets", rows);
 }
 
+#ifdef GENU_WITH_MODEL
+/** Forces of the single elements on coarse grids against those of fine ones, over the poses of a gait cycle; what of the errors is on the
+ elements that are marked as not resolved. */
+void printElements(const ContactPairDefinition& definition, const std::vector<JointCoordinates>& poses) {
+  std::printf("\n| Grid | Element forces %% | Net force %% | Marked, of the force %% | Of the squared error %% | Element forces, the others %% |\n");
+  std::printf("|---|---|---|---|---|---|\n");
+  for (const ContactRule rule : {ContactRule::smooth, ContactRule::centre}) {
+    for (const int n : {12, 16, 24, 30, 50}) {
+      const int times = static_cast<int>(std::lround(192.0 / n));
+      ContactPairDefinition d = definition;
+      for (CompartmentDefinition& c : d.compartments) c.nx = c.nz = n * times;
+      d.rule = ContactRule::smooth;
+      const ContactPair fine(d);
+      for (CompartmentDefinition& c : d.compartments) c.nx = c.nz = n;
+      d.rule = rule;
+      const ContactPair pair(d);
+      ContactWorkspace workspace(pair), fineWorkspace(fine);
+      ContactResult result, fineResult;
+      struct Sums {
+        double error = 0, exact = 0, netError = 0, netExact = 0, marked = 0, force = 0, markedError = 0;
+      };
+      std::vector<Sums> sums(d.compartments.size());
+      for (const JointCoordinates& q : poses) {
+        pair.evaluate(q, workspace, {}, result);
+        fine.evaluate(q, fineWorkspace, {}, fineResult);
+        const auto fields = pair.calcFields(workspace), fineFields = fine.calcFields(fineWorkspace);
+        for (size_t k = 0; k < sums.size(); ++k) {
+          std::map<std::pair<int, int>, double> exact_N;
+          for (const ElementField& f : fineFields[k]) exact_N[{f.ix / times, f.iz / times}] += f.force_N;
+          Sums& s = sums[k];
+          for (const ElementField& f : fields[k]) {
+            const double error = std::pow(f.force_N - exact_N[{f.ix, f.iz}], 2);
+            s.error += error;
+            s.force += f.force_N;
+            if (!f.unresolved) continue;
+            s.marked += f.force_N;
+            s.markedError += error;
+          }
+          for (const auto& item : exact_N) s.exact += item.second * item.second;
+          s.netError += (result.compartments[k].forceOnM_F - fineResult.compartments[k].forceOnM_F).squaredNorm();
+          s.netExact += fineResult.compartments[k].forceOnM_F.squaredNorm();
+        }
+      }
+      const auto list = [&](auto value) {
+        std::string text;
+        for (const Sums& s : sums) {
+          char number[32];
+          std::snprintf(number, sizeof number, "%s%.2g", text.empty() ? "" : " / ", 100 * value(s));
+          text += number;
+        }
+        return text;
+      };
+      std::printf("| %s, %d x %d | %s | %s |", rule == ContactRule::smooth ? "smooth" : "centre", n, n,
+                  list([](const Sums& s) { return std::sqrt(s.error / s.exact); }).c_str(),
+                  list([](const Sums& s) { return std::sqrt(s.netError / s.netExact); }).c_str());
+      if (rule == ContactRule::centre) {
+        std::printf(" | | |\n");
+        continue;
+      }
+      std::printf(" %s | %s | %s |\n", list([](const Sums& s) { return s.marked / s.force; }).c_str(),
+                  list([](const Sums& s) { return s.markedError / s.error; }).c_str(),
+                  list([](const Sums& s) { return std::sqrt((s.error - s.markedError) / s.exact); }).c_str());
+    }
+  }
+  std::printf("\nRoot mean square over that of the force, of each compartment, %zu poses, against 180 to 200 elements each way.\n", poses.size());
+}
+#endif
+
 void implant() {
   const char* const title = "\n### Implant DM, a measured total knee replacement\n\n";
 #ifdef GENU_WITH_MODEL
@@ -433,6 +501,9 @@ void implant() {
   }
   print("Implant DM, a measured total knee replacement", rows);
   std::printf("\nForce %.0f N on average over the path.\n", rows[0].force_N);
+  std::vector<JointCoordinates> poses;
+  for (size_t i = 0; i < gait.frames.size(); i += 4) poses.push_back(genu::scene::takeSix(gait.frames[i].q));
+  printElements(scene.contacts[0].definition, poses);
 #else
   std::printf("%sSkipped: built without the model layer (GENU_BUILD_MODEL).\n", title);
 #endif

@@ -123,7 +123,7 @@ int main(int argc, char** argv) {
   std::ofstream csv;
   if (!csvFile.empty()) {
     csv.open(csvFile);
-    csv << "kind,number,n,rule,companion,level,active,edge,quantity,value,error,difference,cells,end,estimate\n";
+    csv << "kind,number,n,rule,companion,level,active,edge,quantity,value,error,difference,cells,end,rise,estimate\n";
   }
   std::vector<Sample> samples[2][2][5];  // rule, companion, quantity
   double cost[2] = {}, own = 0;
@@ -184,7 +184,8 @@ int main(int argc, char** argv) {
                                                p.kind + " " + std::to_string(number) + ", " + std::to_string(n) + " cells"});
                   if (csv.is_open()) {
                     csv << p.kind << ',' << number << ',' << n << ',' << ru << ',' << c << ',' << k << ',' << load.activeElements << ',' << raw.atEdge << ','
-                        << kQuantities[j] << ',' << scale << ',' << error[j] << ',' << difference[j] << ',' << cells[j] << ',' << end[j] << ',' << e[j] << '\n';
+                        << kQuantities[j] << ',' << scale << ',' << error[j] << ',' << difference[j] << ',' << cells[j] << ',' << end[j] << ','
+                        << (j == 2 ? raw.peakRise_Pa : 0) << ',' << e[j] << '\n';
                   }
                 }
               }

@@ -78,7 +78,8 @@ TEST_P(ErrorEstimateCoverage, FineCompanionCoversTheTrueError) {
     ASSERT_GE(c.cases, 240);
     EXPECT_GE(c.share(), 0.95) << kQuantities[j];  // the requirement
     EXPECT_GE(c.median(), 1) << kQuantities[j];
-    EXPECT_LE(c.median(), 10) << kQuantities[j];
+    // The smooth rule's peak is estimated by asking the surfaces: 1.5 times the error twice, of which one is to a quarter.
+    EXPECT_LE(c.median(), GetParam() == ContactRule::smooth && j == 2 ? 3 : 10) << kQuantities[j];
     RecordProperty(kQuantities[j], std::to_string(c.share()) + ", not covered " + std::to_string(c.cases - c.covered) + " of " +
                                        std::to_string(c.cases) + ", median ratio " + std::to_string(c.median()));
   }
@@ -87,13 +88,13 @@ TEST_P(ErrorEstimateCoverage, FineCompanionCoversTheTrueError) {
 INSTANTIATE_TEST_SUITE_P(Rules, ErrorEstimateCoverage, testing::Values(ContactRule::smooth, ContactRule::centre),
                          [](const auto& test_info) { return test_info.param == ContactRule::smooth ? "smooth" : "centre"; });
 
-TEST(ErrorEstimate, CoarseCompanionCoversForceAndMomentOfTheSmoothRule) {
+TEST(ErrorEstimate, CoarseCompanionCoversForceMomentAndPeakOfTheSmoothRule) {
   // The header promises this much of the cheap estimate; the table shows the rest.
   auto coverage = measure(ContactRule::smooth, Companion::coarse, testProblems());
-  for (const size_t j : {0u, 1u}) {
+  for (const size_t j : {0u, 1u, 2u}) {
     EXPECT_GE(coverage[j].share(), 0.95) << kQuantities[j];
     EXPECT_GE(coverage[j].median(), 1) << kQuantities[j];
-    EXPECT_LE(coverage[j].median(), 10) << kQuantities[j];
+    EXPECT_LE(coverage[j].median(), j == 2 ? 3 : 10) << kQuantities[j];
   }
 }
 

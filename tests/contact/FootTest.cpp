@@ -179,13 +179,7 @@ TEST(PatchBorders, ASplitCondyleHasTheDistanceOfTheWholeOne) {
   const NurbsPatchData whole = test::makeCondyle(false);
   const ContactSurface surface = makeSurface(whole);
   for (const int pieces : {2, 4}) {
-    std::vector<NurbsPatch> patches;
-    int count = 0;
-    for (const NurbsPatchData& strip : test::splitU(whole, pieces)) {
-      for (const NurbsPatchData& part : test::splitU(test::swapped(strip), pieces)) {
-        patches.emplace_back(count++ % 2 ? part : test::swapped(part));  // neighbours with their directions exchanged, too
-      }
-    }
+    std::vector<NurbsPatch> patches = test::splitBothWays(whole, pieces);
     ASSERT_EQ(static_cast<int>(patches.size()), pieces * pieces);
     const ContactSurface split(std::move(patches));
     std::vector<TrackedFoot> feet = makeFeet(1);

@@ -255,14 +255,7 @@ TEST(RayBorders, ASplitCondyleHasTheHitsOfTheWholeOne) {
   const NurbsPatchData whole = test::makeCondyle(false);
   const ContactSurface surface = makeSurface(whole);
   for (const int pieces : {2, 4}) {
-    std::vector<NurbsPatch> patches;
-    int count = 0;
-    for (const NurbsPatchData& strip : test::splitU(whole, pieces)) {
-      for (const NurbsPatchData& part : test::splitU(test::swapped(strip), pieces)) {
-        patches.emplace_back(count++ % 2 ? part : test::swapped(part));  // neighbours with their directions exchanged, too
-      }
-    }
-    const ContactSurface split(std::move(patches));
+    const ContactSurface split(test::splitBothWays(whole, pieces));
     std::vector<TrackedHit> hits = makeHits(1);
     const int id = 0;
     int crossings = 0, last = -1;

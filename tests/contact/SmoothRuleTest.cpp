@@ -557,6 +557,123 @@ TEST(SmoothRule, ThePeakBesideAnEdgeIsOneThatTheSurfacesHave) {
   }
 }
 
+TEST(SmoothRule, ElementsThatTheGridDoesNotResolveAreMarked) {
+  // The runner's line from z = -12 to 4 mm, 20 um deep: on cells of 1.5 mm the row of elements beside the turn is wrong, and only that row;
+  // a sphere's gap is a parabola, of which every cell knows the same. Those that disagree by less than a tenth of the largest strain are
+  // wrong by less than a tenth of the largest pressure times their area.
+  const double R = 0.030, h = 0.006, D = 0.02e-3;
+  const auto plane = share(makePlane(h, 0, 0, Solid::below, 0.05));
+  const auto turning = makeRunner(R, true);
+  const JointCoordinates q{0, 0, 0, 0, h - D, 0};
+  const double tenth_N = 0.1 * uhmwpe().confinementFactor() * uhmwpe().E_Pa * D / h * 1.5e-3 * 1.5e-3;
+  for (int phase = 0; phase < 8; ++phase) {
+    const double dz = 1.5e-3, z = dz * phase / 8;
+    const ContactPair pair(makeScene(plane, turning, constantThickness(h), uhmwpe(), 0.009, 12, 1.3e-4, z));
+    ContactWorkspace workspace(pair);
+    ContactResult r;
+    pair.evaluate(q, workspace, {}, r);
+    // Elements of 1/20 of the size say what each carries: sums of 20 x 20 of them.
+    const ContactPair fine(makeScene(plane, turning, constantThickness(h), uhmwpe(), 0.009, 240, 1.3e-4, z));
+    ContactWorkspace fineWorkspace(fine);
+    ContactResult fineResult;
+    fine.evaluate(q, fineWorkspace, {}, fineResult);
+    std::vector<double> exact_N(12 * 12);
+    const auto fields = pair.calcFields(workspace), fineFields = fine.calcFields(fineWorkspace);
+    for (const ElementField& f : fineFields[0]) exact_N[static_cast<size_t>(12 * (f.ix / 20) + f.iz / 20)] += f.force_N;
+    int marked = 0;
+    double worstMarked_N = 0, worstOther_N = 0;
+    for (const ElementField& f : fields[0]) {
+      const double error_N = std::abs(f.force_N - exact_N[static_cast<size_t>(12 * f.ix + f.iz)]);
+      (f.unresolved ? worstMarked_N : worstOther_N) = std::max(f.unresolved ? worstMarked_N : worstOther_N, error_N);
+      if (!f.unresolved) continue;
+      ++marked;
+      EXPECT_TRUE(f.active);
+      EXPECT_LT(std::abs(f.p_FA.z() - 0.004), 1.5 * dz) << phase;
+    }
+    EXPECT_GT(marked, 0) << phase;
+    EXPECT_GT(worstMarked_N, tenth_N) << phase;
+    EXPECT_LT(worstOther_N, tenth_N) << phase;
+  }
+  for (const int n : {6, 12, 30}) {
+    const ContactPair pair(makeScene(plane, share(makeSphere(R)), constantThickness(h), uhmwpe(), 0.009, n, 1.3e-4, 2.1e-4));
+    ContactWorkspace workspace(pair);
+    ContactResult r;
+    pair.evaluate(JointCoordinates{0, 0, 0, 0, h + R - 1e-4, 0}, workspace, {}, r);
+    EXPECT_GT(r.total.activeElements, 0);
+    const auto fields = pair.calcFields(workspace);
+    for (const ElementField& f : fields[0]) EXPECT_FALSE(f.unresolved) << n;
+  }
+}
+
+TEST(SmoothRule, TheQueryOfThePeakIsCounted) {
+  // Under a grid point the polynomials have their top there, by symmetry, and nothing is asked between the points.
+  const double R = 0.030, h = 0.006;
+  auto d = makeScene(share(makePlane(h, 0, 0, Solid::below, 0.05)), share(makeSphere(R)), constantThickness(h), uhmwpe(), 0.009, 9);
+  d.tracking = Tracking::all;
+  d.copyTolerance = -1;
+  const ContactPair pair(d);
+  ContactWorkspace workspace(pair);
+  ContactResult r;
+  const auto count = [&](double x, double lift) {
+    pair.evaluate(JointCoordinates{0, 0, 0, x, h + R + lift, 0}, workspace, {}, r);
+    return r.distanceQueries;
+  };
+  const int points = 11 * 11;  // the elements and the ring around them
+  EXPECT_EQ(count(0, 0.001), points);
+  EXPECT_EQ(count(0, -1e-4), points);
+  EXPECT_NEAR(r.total.peakPoint_F.x(), 0, 1e-15);
+  EXPECT_EQ(count(0.0007, -1e-4), points + 1);
+  EXPECT_NEAR(r.total.peakPoint_F.x(), 0.0007, 1e-6);  // fourth order: the cells are of 2 mm, but a sphere's gap is nearly a parabola
+}
+
+TEST(SmoothRule, ThePeakIsTheSameForEveryInstructionSet) {
+  // Sums are fused or not, so that bits differ. A distance is known to 1e-14 m (FootTest), a ray's to 1e-13 m (RayTest); the place of the
+  // peak follows from differences of some 1e-6 m, to 1e-7 of a cell at most, and beside it the pressure falls by the square of that.
+  std::vector<NurbsPatch> condyle;
+  condyle.emplace_back(makeCondyle(false, 0));
+  const auto moving = share(std::move(condyle));
+  const auto dish = share(makeDish(0.008, 0.060, 0.035, Solid::below, 0.02));
+  int between = 0, poses = 0;
+  for (const DistanceMethod distance : {DistanceMethod::minimum, DistanceMethod::ray}) {
+    for (const Material& material : {uhmwpe(), uhmwpePowerLaw()}) {
+      auto d = makeScene(dish, moving, aboveZero(), material, 0.012, 20);
+      d.distance = distance;
+      const ContactPair pair(d);
+      const JointCoordinates home = findPoseOfLoad(pair, 500);
+      std::mt19937 random(23);
+      std::uniform_real_distribution<double> unit(-1, 1);
+      for (int i = 0; i < 20; ++i) {
+        JointCoordinates q = home;
+        for (size_t k = 0; k < 6; ++k) q[k] += unit(random) * (k < 3 ? 0.02 : k == 4 ? 2e-5 : 5e-4);
+        ASSERT_TRUE(detail::forceInstructionSet("baseline"));
+        const ContactResult expected = pair.evaluate(q, {});
+        if (!(expected.total.maxStrain > 0)) continue;
+        ++poses;
+        double nearest_m = 1;
+        ContactWorkspace workspace(pair);
+        ContactResult r;
+        pair.evaluate(q, workspace, {}, r);
+        const auto fields = pair.calcFields(workspace);
+        for (const ElementField& f : fields[0]) nearest_m = std::min(nearest_m, (f.p_FA - r.total.peakPoint_F).norm());
+        between += nearest_m > 1e-6;
+        for (const char* name : {"avx2", "avx512"}) {
+          if (!detail::forceInstructionSet(name)) continue;
+          const ContactResult other = pair.evaluate(q, {});
+          const double depth_m = expected.total.maxStrain * 0.008;
+          const double tolerance = (distance == DistanceMethod::ray ? 2e-13 : 2e-14) / depth_m;
+          EXPECT_NEAR(other.total.maxStrain / expected.total.maxStrain, 1, tolerance) << name << ' ' << i;
+          // The power law's slope over its secant is at most 1, its table good to 1e-9 but the same for all.
+          EXPECT_NEAR(other.total.peakPressure_Pa / expected.total.peakPressure_Pa, 1, tolerance) << name << ' ' << i;
+          EXPECT_LT((other.total.peakPoint_F - expected.total.peakPoint_F).norm(), 1e-7 * 0.0012) << name << ' ' << i;
+        }
+        EXPECT_TRUE(detail::forceInstructionSet(nullptr));
+      }
+    }
+  }
+  EXPECT_GT(poses, 60);
+  EXPECT_GT(between, poses / 2);
+}
+
 TEST(SmoothRule, ContactSmallerThanACell) {
   // R = 30 mm, D = 1 um: contact radius 0.24 mm on cells of 1 mm. The gap is nearly a paraboloid, so that the polynomial of a
   // cell knows it: the area to (cell/R)^2/12 = 1e-4 of curvature, relative to D that is cell^4/(8 R^3 D) < 5e-3.

@@ -86,4 +86,13 @@ inline std::vector<NurbsPatchData> splitU(NurbsPatchData d, int pieces) {
   return out;
 }
 
+/** The whole in pieces x pieces patches, neighbours with their directions exchanged. */
+inline std::vector<NurbsPatch> splitBothWays(const NurbsPatchData& whole, int pieces) {
+  std::vector<NurbsPatch> patches;
+  for (const NurbsPatchData& strip : splitU(whole, pieces)) {
+    for (const NurbsPatchData& part : splitU(swapped(strip), pieces)) patches.emplace_back(patches.size() % 2 == 1 ? part : swapped(part));
+  }
+  return patches;
+}
+
 }  // namespace genu::contact::test

@@ -16,6 +16,7 @@
 
 #include "contact/Scenes.h"
 #include "contact/TestSurfaces.h"
+#include "detail/Kernels.h"
 
 namespace genu::contact {
 namespace {
@@ -73,6 +74,19 @@ std::vector<Step> makeWalk(double touch, int steps, unsigned seed) {
     walk.push_back(step);
   }
   return walk;
+}
+
+/** Whether some compartment's peak was met between grid points, by a query of its own. */
+bool isPeakBetween(const ContactPair& pair, const ContactWorkspace& workspace, const ContactResult& r) {
+  const auto fields = pair.calcFields(workspace);
+  for (size_t k = 0; k < fields.size(); ++k) {
+    const NetLoad& load = r.compartments[k];
+    if (load.peakPressure_Pa > 0 &&
+        std::none_of(fields[k].begin(), fields[k].end(), [&](const ElementField& f) { return f.p_FA == load.peakPoint_F; })) {
+      return true;
+    }
+  }
+  return false;
 }
 
 /** Every number of a result and its fields, in a fixed order. */
@@ -232,6 +246,35 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"damped", uhmwpe(), StrainMeasure::small, Correction::midsurface, 2, {}},
                     Case{"energy_form", uhmwpe(), StrainMeasure::small, Correction::energy, 0, {}}),
     [](const auto& item) { return std::string(item.param.name); });
+
+TEST(Threads, ThePeakBetweenGridPointsIsBitwiseEqualOnEveryInstructionSet) {
+  for (const DistanceMethod distance : {DistanceMethod::minimum, DistanceMethod::ray}) {
+    auto d = makeTwoCompartments(uhmwpe(), StrainMeasure::small);
+    d.distance = distance;
+    const ContactPair pair(d);
+    const std::vector<Step> walk = makeWalk(findTouch(pair), 8, 13);
+    for (const char* name : {"baseline", "avx2", "avx512"}) {
+      if (!detail::forceInstructionSet(name)) continue;
+      SCOPED_TRACE(name);
+      const auto serial = run(pair, walk, {}, nullptr);
+      for (const int count : {2, 5}) {
+        const Threads threads(count);
+        const CountingRunner counting(threads);
+        expectSameBits(run(pair, walk, {}, &counting), serial);
+        EXPECT_GT(counting.runs, 0);
+      }
+      int between = 0;
+      ContactWorkspace workspace(pair);
+      ContactResult r;
+      for (const Step& step : walk) {
+        pair.evaluate(step.q, step.qdot, workspace, {}, r);
+        between += isPeakBetween(pair, workspace, r);
+      }
+      EXPECT_GT(between, 4);
+    }
+    EXPECT_TRUE(detail::forceInstructionSet(nullptr));
+  }
+}
 
 TEST(Threads, SmallEvaluationsStaySerial) {
   const ContactPair small(makeTwoCompartments(uhmwpe(), StrainMeasure::small, 12));

@@ -155,6 +155,20 @@ TEST(ContactReport, ErrorsAreInJsonAndTableOnlyWhenEstimated) {
   for (const char* part : {"estimated errors of the grid", "0.12", "0.25"}) EXPECT_THAT(table, HasSubstr(part));
 }
 
+TEST(ContactReport, UnresolvedElementsAreToldWhereTheyCarryMoreThanATenth) {
+  std::vector<contact::ElementField> fields(3);
+  EXPECT_EQ(calcUnresolvedShare(fields), 0);
+  fields[0].force_N = 30;
+  fields[1].force_N = 70;
+  EXPECT_EQ(calcUnresolvedShare(fields), 0);
+  fields[0].unresolved = true;
+  EXPECT_DOUBLE_EQ(calcUnresolvedShare(fields), 0.3);
+  EXPECT_TRUE(describeUnresolved("lateral", 0.1).empty());
+  const std::string text = describeUnresolved("lateral", 0.3);
+  EXPECT_NE(text.find("lateral: up to 30 %"), std::string::npos) << text;
+  EXPECT_NE(text.find("finer grid"), std::string::npos) << text;
+}
+
 TEST(ContactReport, TableShowsUnitsAndTotal) {
   const scene::Scene scene = makeScene(1);
   std::vector<ContactResult> results(1);

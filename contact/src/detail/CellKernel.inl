@@ -434,15 +434,8 @@ void sumStiffness(const CellGrid& g, int numWords, ThicknessSlope thicknessSlope
   }
 }
 
-/** Coefficients of the strain in a cell. */
 inline void calcStrain(const CellGrid& g, const CellTask& task, double E[kMonomials]) {
-  const int* stencil = g.stencil + 9 * task.element;
-  double strain[kStencil];
-  for (int n = 0; n < kStencil; ++n) {
-    const int k = stencil[n];
-    strain[n] = k >= 0 && g.usable[k] ? g.s[k] * g.r[k] : 0;
-  }
-  calcCoefficients(strain, task.mask, E);
+  gatherStrain(g.stencil + 9 * task.element, g.usable, g.s, g.r, task.mask, E);
 }
 
 /** The polynomial of the neighbor on one side of a cell, at (xi, eta) of the neighbor; 0 where it does not touch. */

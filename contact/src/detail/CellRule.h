@@ -122,6 +122,16 @@ inline double lowerBound(const double S[kMonomials]) {
 constexpr double kFullGain = 1.75, kEdgeGain = 3.25;
 inline double largestGain(int mask) { return mask == kAllNeighbors ? kFullGain : kEdgeGain; }
 
+/** Coefficients of the strain s r in a cell. */
+inline void gatherStrain(const int* stencil, const char* usable, const double* s, const double* r, int mask, double E[kMonomials]) {
+  double strain[kStencil];
+  for (int n = 0; n < kStencil; ++n) {
+    const int k = stencil[n];
+    strain[n] = k >= 0 && usable[k] ? s[k] * r[k] : 0;
+  }
+  calcCoefficients(strain, mask, E);
+}
+
 /** Largest value of the polynomial in the cell and where. */
 inline double findMaximum(const double S[kMonomials], double& xiBest, double& etaBest) {
   double best = -1e300;

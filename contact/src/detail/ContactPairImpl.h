@@ -107,6 +107,7 @@ struct CompartmentMemory {
   size_t numNodes = 0;
   Numbers query;
   TrackedFoot peakFoot;                // on the fixed surface, of the last place between nodes where the peak was sought
+  PeakPlace peak;                      // where it was met: cell and place in it; cell -1: nowhere
   // Smooth rule, of elements:
   std::vector<int> due, candidates, candidateMask;
   Numbers candidateBound;
@@ -173,6 +174,11 @@ struct ContactPair::Impl : detail::PairData {
                       NetLoad& load, int& queries) const;
   /** The smooth rule on all compartments. */
   void evaluateSmooth(std::vector<detail::CompartmentMemory>& memory, detail::EvaluationTask& task) const;
+  /** What the pressure rises around the place of a compartment's peak, by further queries at pose X_FM of the last evaluation; `load`:
+   that evaluation's. Smooth rule. */
+  double calcPeakRise(const detail::Compartment& c, detail::CompartmentMemory& memory, const Pose& X_FM, const NetLoad& load) const;
+  /** Marks the elements in contact that the grid does not resolve (ElementField::unresolved). Smooth rule. */
+  void markUnresolved(const detail::Compartment& c, const detail::CompartmentMemory& memory, const NetLoad& load, std::vector<ElementField>& fields) const;
   /** Elements in contact in the last evaluation, in their order. */
   void findActive(const detail::Compartment& c, const detail::CompartmentMemory& memory, std::vector<detail::Active>& active) const;
 };

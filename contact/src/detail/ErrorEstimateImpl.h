@@ -21,6 +21,7 @@ struct CellDifference {
 struct RawDifference {
   LoadError difference;  // |Q_h - Q_companion|
   LoadError cells;       // root of the sum of squares of the cells' differences; peak: fall to the neighbors. Fine companion only.
+  double peakRise_Pa = 0;  // smooth rule: what the pressure rises beside the place of the peak
   LoadError edge;        // what the active cells at the end of the fixed surface carry; peak: fall to the neighbors if it is there
   int activeElements = 0;
   bool atEdge = false;       // contact reaches the end of a surface: the rule has lost an order there

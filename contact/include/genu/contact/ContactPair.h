@@ -169,7 +169,7 @@ struct ContactResult {
   Matrix6 stiffness = Matrix6::Zero();
   /** d(forceOnM_F, momentOnM_Fo_F)/d(qdot), only with withStiffness and damping. */
   Matrix6 damping = Matrix6::Zero();
-  int distanceQueries = 0;  ///< work done by this evaluation
+  int distanceQueries = 0;  ///< work done by this evaluation: points whose distance was asked, one more a compartment at the peak (smooth rule)
   bool copied = false;      ///< taken from the stored result
 };
 
@@ -187,6 +187,9 @@ struct ElementField {
   double p_Pa = 0;        ///< at the element's centre; 0 where only a corner touches
   Vec3 forceDirection_F = Vec3::Zero();
   bool active = false;
+  /** Smooth rule: the polynomial of this element and of one beside it disagree on their common side by more than a tenth of the largest
+   strain. Something lies between the grid points, the edge of a surface or a fold, and force and area of the element are wrong. */
+  bool unresolved = false;
   bool footOnBorder = false;  ///< the last foot was on the moving surface's border: no contact whatever the distance
 };
 

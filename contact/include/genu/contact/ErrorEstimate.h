@@ -30,15 +30,16 @@ struct ContactErrorEstimate {
 
 /** Second grid on the same rectangles that an evaluation is compared with. */
 enum class Companion {
-  fine,    ///< every cell split in four: about four times the cost of the evaluation itself
-  coarse,  ///< half as many cells each way (rounded up): about a quarter of the cost; plain grids only. Less sharp.
+  fine,    ///< every cell split in four: three to four times the cost of the evaluation itself
+  coarse,  ///< half as many cells each way (rounded up): about half the cost; plain grids only. Less sharp, but for the smooth rule's peak.
 };
 
 /** Estimates the discretisation error of an evaluation from a second one on another grid [Richardson 1911], quantity by quantity:
    fine:    E = a sqrt((Q_h - Q_h/2)^2 + b^2 sum_c (q_c - sum of its four children)^2)
    coarse:  E = sqrt(a^2 (Q_h - Q_2h)^2 + (b Q_h n^-r)^2),  n cells in contact
  The sum over cells c keeps the estimate from vanishing where the two grids agree by chance. Peak pressure has no sum: the centre
- rule adds what the pressure falls from the peak to the neighbors. The mean pressure inherits the errors of force and area when
+ rule adds what the pressure falls from the peak to the neighbors; the smooth rule, whose peak is asked of the surfaces, asks them at nine
+ places a quarter of a cell apart around it, and what the pressure rises there is the error. The mean pressure inherits the errors of force and area when
  they do not cancel. a, b, r are measured on a training set of scenes (tests/contact/ErrorCases.h) and checked on another one.
 
  Covered: the error made by the grid, that is by the rule's polynomials or whole cells and by the elements' places. NOT covered:

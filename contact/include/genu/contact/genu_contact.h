@@ -318,7 +318,7 @@ typedef struct genu_result {
   /* With with_stiffness, else 0: d(force, moment on M)/d(coordinates), row by row: stiffness[6 * row + column]; rows
      force [N] then moment about F's origin [N m], columns rx, ry, rz [rad], x, y, z [m]. Not symmetric in general. */
   double stiffness[36];
-  int distance_queries; /* work done */
+  int distance_queries; /* work done: points whose distance was asked */
   int copied;           /* 1: taken from the stored result */
   /* With with_stiffness and damping of the pair, else 0: d(force, moment on M)/d(rates), laid out as stiffness [N s/rad, N m s/rad,
      N s/m, N s]. The stiffness is then the derivative at constant rates. */
@@ -361,8 +361,8 @@ GENU_API genu_status genu_pair_fields(const genu_pair* pair, const genu_workspac
 
 /* Second grid that an evaluation is compared with. */
 typedef GENU_ENUM(genu_companion) {
-  GENU_COMPANION_FINE = 0,  /* every cell split in four: about three times the cost of the evaluation */
-  GENU_COMPANION_COARSE = 1 /* half as many cells each way: about a third of the cost; less sharp */
+  GENU_COMPANION_FINE = 0,  /* every cell split in four: three to four times the cost of the evaluation */
+  GENU_COMPANION_COARSE = 1 /* half as many cells each way: about half the cost; less sharp */
 } genu_companion;
 
 /* Estimated absolute errors that the grid makes, not a bound; how often the true error is larger: docs/theory.md. The errors of

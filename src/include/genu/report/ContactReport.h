@@ -38,6 +38,11 @@ std::string describeStatus(const scene::Scene& scene, const std::vector<contact:
 /** Does the status allow numbers? fullPenetration and notConverged do not. */
 bool hasNumbers(contact::EvaluationStatus status);
 
+/** Share of a compartment's force that is on elements which the grid does not resolve (ElementField::unresolved). */
+double calcUnresolvedShare(const std::vector<contact::ElementField>& fields);
+/** A sentence for it; empty where a share is too small to matter for a pressure map. */
+std::string describeUnresolved(const std::string& compartment, double share);
+
 /** Keys: force_on_moving_N, moment_on_moving_about_fixed_origin_Nm, force_on_fixed_N, scalar_force_N,
  peak_pressure_Pa, peak_point_m, mean_pressure_Pa, area_m2, active_elements, extrapolated_elements,
  center_of_pressure_m, energy_J, max_strain. Without contact all are exactly zero. `withVectors` false leaves out what
