@@ -117,13 +117,14 @@ class KneeCase(Case):
         patches = {n: nurbs.read(self.file.parent / s["nurbs"]) for n, s in self.yaml["surfaces"].items()}
         self.files = {n: self.file.parent / s["nurbs"] for n, s in self.yaml["surfaces"].items()}
         self.layers, self.moving, used = [], [], set()
-        self.compartments = []
+        self.compartments, self.shrunk_mm = [], 0.0
         for name, c in contact["compartments"].items():
             fixed, moving = c.get("fixed", contact["fixed"].get("surface")), c.get("moving", contact["moving"].get("surface"))
             rectangle = quantities(c["rectangle"])
             middle = 0.5 * (rectangle[2] + rectangle[3])
             patch = next(p for p in patches[fixed] if p.points[..., 2].min() < middle < p.points[..., 2].max())
-            rectangle = _inside(rectangle, patch)
+            asked, rectangle = rectangle, _inside(rectangle, patch)
+            self.shrunk_mm = max(self.shrunk_mm, round(1e3 * (rectangle[0] - asked[0]), 3))
             self.compartments.append((name, fixed, moving, rectangle))
             self.layers.append(Layer(name, rectangle, patch))
             if moving not in used:

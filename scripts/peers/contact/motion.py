@@ -6,6 +6,7 @@ import numpy as np
 
 from . import curve
 from .case import KneeCase
+from .limited import reach
 from ..scene import quantities
 
 FREE = ("rx", "y", "z")
@@ -57,16 +58,20 @@ def _residual(pose, load, scene, t):
     return [float(force[1]), float(force[2]), float(moment[0] / 0.025)]
 
 
-def drake_settle(file, data, folder, edge_m, t, start, step_s, still=1e-6, longest_s=1.0):
-    """Discrete steps with damped joints until the speed is below `still` [m/s]."""
+def drake_settle(file, data, folder, edge_m, t, start, step_s, still=1e-6, longest_s=1.0, longest_way_m=0.5e-3):
+    """Discrete steps with damped joints until the speed is below `still` [m/s]. A step sees the contact where it starts: y and rx, which the load
+    drives, are damped so that it moves them by longest_way_m a step at most, or the body would pass through the layer before it is seen."""
     from pydrake.systems.analysis import Simulator
 
     from .drake_model import DrakeModel, inertia_of, version
 
     case = KneeCase(file)
     scene = Scene(case, data)
-    model = DrakeModel(case, edge_m, folder, time_step=step_s, welded=scene.at(t), inertia=inertia_of(scene.link), damping=_damping(scene.link.mass))
     force = scene.force(t)
+    damping = _damping(scene.link.mass)
+    damping["y"] = max(damping["y"], np.linalg.norm(force) * step_s / longest_way_m)
+    damping["rx"] = damping["y"] * 0.025**2
+    model = DrakeModel(case, edge_m, folder, time_step=step_s, welded=scene.at(t), inertia=inertia_of(scene.link), damping=damping)
     model.add_load(scene.point, lambda _: force)
     model.start()
     simulator = Simulator(model.diagram)
@@ -119,6 +124,7 @@ def drake_gait(file, data, folder, edge_m, start, rates, step_s=0.0, accuracy=No
         t = scene.cycle_s * k / outputs
         simulator.AdvanceTo(t)
         pause = time.process_time()
+        reach(f"at {t:.2f} s of {scene.cycle_s:g} s")
         poses.append(model.read())
         forces.append(_vertical(model.load(), case))
         want = scene.at(t)
@@ -172,6 +178,7 @@ def opensim_settle(file, data, folder, edge_m, t, start, accuracy=1e-4, method="
     while True:
         now += 0.01
         model.state = manager.integrate(now)
+        reach(f"at {now:.2f} simulated s, {model.speed():.1g} m/s")
         if now > 0.02 and model.speed() < still:
             break
         if now > longest_s:
@@ -207,6 +214,7 @@ def opensim_gait(file, data, folder, edge_m, start, rates, accuracy, method="Run
         if k:
             model.state = manager.integrate(t)
         pause = time.process_time()
+        reach(f"at {t:.2f} s of {scene.cycle_s:g} s")
         model.evaluate()
         poses.append(model.read())
         forces.append(model.load()["vertical"])
