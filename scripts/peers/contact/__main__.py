@@ -82,7 +82,7 @@ def compare(given, knees, peers):
             if part not in measured[name] and (part != "sphere" or name == KNEES[0]):
                 _part(measured[name], c, part)
         measured[name].update(versions=c.versions, loads=c.loads, dates=c.dates)
-    return {n: m for n, m in measured.items() if any(p in m for p in plan.PARTS)}, complete
+    return {n: m for n, m in measured.items() if any(p in m for p in ("sphere", *plan.PARTS))}, complete
 
 
 def _title(knee, part):

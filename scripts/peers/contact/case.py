@@ -101,6 +101,11 @@ def _inside(rectangle, patch):
     raise ValueError("a rectangle lies beside its surface")
 
 
+# Knees whose gait is damped in z, in all programs. Undamped, the implant's soft motion in z amplifies every difference: Genu's own runs on 30 x 30 and
+# 120 x 120 elements part by 2.2 mm, so that an error would say nothing of the contact.
+DAMPED = ("tka_dm",)
+
+
 class KneeCase(Case):
     """A knee's scene with one contact pair; the layer's thickness becomes that of its thinnest place, because neither peer has a local one."""
 
@@ -133,9 +138,14 @@ class KneeCase(Case):
         self.h_m = round(min(layer.mesh(0.5e-3)[0][..., 1].min() for layer in self.layers), 5)
         self.patches = patches
 
-    def write_scene(self, file, local_thickness=False, start=None, **changes):
-        """The scene with absolute paths, the meshed rectangles, the constant thickness, starting values of free coordinates and the
-        given sections of `analysis`. Returns the file."""
+    def gait_damping(self):
+        """Arguments of a gait: the damper on z [N s/m], 300/s times the mass of the loaded body, where there is one."""
+        (load,) = self.yaml["loads"].values()
+        return {"damping_z": round(300 * self.scene.urdf.links[load["body"]].mass, 3)} if self.name in DAMPED else {}
+
+    def write_scene(self, file, local_thickness=False, start=None, damping_z=None, **changes):
+        """The scene with absolute paths, the meshed rectangles, the constant thickness, starting values of free coordinates, a damper on z
+        [N s/m] and the given sections of `analysis`. Returns the file."""
         given = yaml.safe_load(self.file.read_text())
         for s in given["surfaces"].values():
             s["nurbs"] = str((self.file.parent / s["nurbs"]).resolve())
@@ -159,6 +169,8 @@ class KneeCase(Case):
                 contact["fixed"]["thickness"] = f"{1e3 * self.h_m:.12g} mm"
         for name, value in (start or {}).items():
             given["model"]["coordinates"][name] = {"free": {"start": f"{value:.12g} {'rad' if name[0] == 'r' else 'm'}"}}
+        if damping_z:
+            given["model"]["coordinates"]["z"] = {"free": {"start": "0 mm", "damping": f"{damping_z:.12g} N s/m"}}
         given.setdefault("analysis", {}).update(changes)
         file = pathlib.Path(file)
         file.parent.mkdir(parents=True, exist_ok=True)

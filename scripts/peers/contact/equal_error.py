@@ -2,14 +2,27 @@
 import math
 
 
+def _sure(rows, program, error):
+    """(time [s], error) of the settings with a result. A setting that happens to be nearer than a finer one of its family counts as that one: what
+    is not known beforehand is no accuracy."""
+    families, made = {}, []
+    for r in rows:
+        if r.program == program and r.time_s and r.errors.get(error):
+            families.setdefault(r.family, []).append(r)
+    for family in families.values():
+        largest = 0.0
+        for r in sorted(family, key=lambda r: -r.fineness):
+            largest = max(largest, r.errors[error])
+            made.append((r.time_s, largest))
+    return made
+
+
 def front(rows, program, error):
-    """(time [s], error, row) of the settings that no other of the program beats in both, the fastest first."""
-    points = sorted(((r.time_s, r.errors[error], r) for r in rows
-                     if r.program == program and r.time_s and r.errors.get(error) is not None and r.errors[error] > 0), key=lambda p: p[:2])
+    """(time [s], error) of the settings that no other of the program beats in both, the fastest first."""
     kept = []
-    for p in points:
-        if not kept or p[1] < kept[-1][1]:
-            kept.append(p)
+    for point in sorted(_sure(rows, program, error)):
+        if not kept or point[1] < kept[-1][1]:
+            kept.append(point)
     return kept
 
 
@@ -26,7 +39,7 @@ def time_at(curve, level):
         return None
     if curve[0][1] <= level:
         return Time(curve[0][0], curve[0][1] < level)
-    for (t0, e0, _), (t1, e1, _) in zip(curve, curve[1:]):
+    for (t0, e0), (t1, e1) in zip(curve, curve[1:]):
         if e1 <= level:
             share = math.log(level / e0) / math.log(e1 / e0)
             return Time(t0 * (t1 / t0) ** share)

@@ -27,7 +27,7 @@ def run(task, work, limit_s, tick=lambda elapsed_s: None, **arguments):
 
     def limit():
         resource.setrlimit(resource.RLIMIT_CPU, (int(limit_s), int(limit_s) + 5))
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_GB * 10**9,) * 2)
+        resource.setrlimit(resource.RLIMIT_AS, (int(MEMORY_GB * 10**9),) * 2)
 
     # One thread: times are of one core. A session of its own: Ctrl-C reaches this process, which then ends that one.
     environment = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", GENU_PEERS_REACHED=str(reached))
@@ -36,12 +36,14 @@ def run(task, work, limit_s, tick=lambda elapsed_s: None, **arguments):
         process = subprocess.Popen([sys.executable, "-m", __name__, str(given), str(got)], stdout=output, stderr=output, env=environment,
                                    preexec_fn=limit, start_new_session=True)
         try:
-            while True:
-                try:
-                    status = process.wait(timeout=1)
-                    break
-                except subprocess.TimeoutExpired:
+            ended, ticks = 0, 0
+            while not ended:
+                time.sleep(0.05)
+                ended, code, used = os.wait4(process.pid, os.WNOHANG)
+                if time.monotonic() - begin > ticks + 1:
+                    ticks += 1
                     tick(time.monotonic() - begin)
+            status = process.returncode = os.waitstatus_to_exitcode(code)
         except BaseException:
             process.kill()
             process.wait()
@@ -49,11 +51,11 @@ def run(task, work, limit_s, tick=lambda elapsed_s: None, **arguments):
     if status == -signal.SIGXCPU:
         raise NotFinished(f"stopped after {limit_s:.0f} s of processor time" + (f", {reached.read_text()}" if reached.exists() else ""))
     if status != 0:
-        text = said.read_text(errors="replace")
-        if any(word in text for word in ("bad_alloc", "MemoryError", "allocate memory")):
-            raise NotFinished(f"stopped at {MEMORY_GB} GB of memory")
-        lines = [line.strip() for line in text.splitlines() if line.strip()]
-        raise NotFinished(f"failed: {lines[-1] if lines else f'status {status}'}")
+        lines = [line.strip() for line in said.read_text(errors="replace").splitlines() if line.strip()]
+        memory_GB = used.ru_maxrss / 1024**2
+        # Some die of a refused allocation without a word of it.
+        memory = f", at {memory_GB:.1f} of {MEMORY_GB} GB of memory" if memory_GB > 0.5 * MEMORY_GB else ""
+        raise NotFinished(f"failed: {lines[-1] if lines else f'status {status}'}{memory}")
     return json.loads(got.read_text())
 
 

@@ -98,14 +98,14 @@ def _vertical(load, case):
     return forces
 
 
-def drake_gait(file, data, folder, edge_m, start, rates, step_s=0.0, accuracy=None, scheme=None, longest_step_s=None, outputs=100):
+def drake_gait(file, data, folder, edge_m, start, rates, step_s=0.0, accuracy=None, scheme=None, longest_step_s=None, damping_z=0.0, outputs=100):
     from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
     from .drake_model import DrakeModel, inertia_of, version
 
     case = KneeCase(file)
     scene = Scene(case, data)
-    model = DrakeModel(case, edge_m, folder, time_step=step_s, driven=scene.prescribed, inertia=inertia_of(scene.link))
+    model = DrakeModel(case, edge_m, folder, time_step=step_s, driven=scene.prescribed, inertia=inertia_of(scene.link), damping={"z": damping_z})
     model.add_load(scene.point, scene.force)
     model.start(scene.cycle_s, lead_s=step_s)
     simulator = Simulator(model.diagram)
@@ -189,14 +189,14 @@ def opensim_settle(file, data, folder, edge_m, t, start, accuracy=1e-4, method="
     return {"version": program.GetVersion(), "time_s": used, "pose": pose, "load": load, "residual_N": _residual(pose, load, scene, t), "simulated_s": now}
 
 
-def opensim_gait(file, data, folder, edge_m, start, rates, accuracy, method="RungeKuttaMerson", outputs=100):
+def opensim_gait(file, data, folder, edge_m, start, rates, accuracy, method="RungeKuttaMerson", damping_z=0.0, outputs=100):
     import opensim as program
 
     from .opensim_knee import OpenSimKnee
 
     case = KneeCase(file)
     scene = Scene(case, data)
-    model = OpenSimKnee(case, edge_m, folder, link=scene.link, prescribed=scene)
+    model = OpenSimKnee(case, edge_m, folder, link=scene.link, prescribed=scene, damping={"z": damping_z} if damping_z else None)
     _opensim_load(model, program, scene)
     model.start()
     model.place(_start(start, case, scene, 0.0))

@@ -60,33 +60,36 @@ def settle():
         # The step does not move the equilibrium; where both are cheap, the faster of the two is found.
         for step_ms in (1, 2) if edge > 0.4 else (2,):
             jobs.append(Job("settle", "Drake", f"{edge:g} mm, {step_ms} ms", "motion:drake_settle", 3 + 3 * _faces(edge), edge_mm=edge, step_s=1e-3 * step_ms))
-    for edge, accuracy in ((2.8, 1e-4), (2, 1e-3), (2, 1e-4), (1.4, 1e-4), (1, 1e-4), (0.7, 1e-4)):
+    for edge, accuracy in ((2.8, 1e-4), (2, 1e-3), (2, 1e-4), (1.4, 1e-4), (1, 1e-4), (0.7, 1e-4), (0.5, 1e-4)):
         jobs.append(Job("settle", "OpenSim", f"{edge:g} mm, {accuracy:g}", "motion:opensim_settle", 3 + 75 * _faces(edge), edge_mm=edge, accuracy=accuracy))
-    return jobs
+    return sorted(jobs, key=lambda j: j.cost_s if j.program != "Genu" else 0)
 
 
 def gait():
-    jobs = []
-    for integrator, key, value, grids in (("cpodes", "accuracy", 1e-4, (8, 12, 16, 30)), ("cpodes", "accuracy", 1e-5, (30,)), ("cpodes", "accuracy", 1e-3, (12,)),
-                                          *(("generalized-alpha", "step", f"{s:g} ms", (8, 15, 30) if s < 1 else (8, 15)) for s in (0.5, 1, 2, 5))):
+    jobs, groups = [], []  # a group: what starts from one equilibrium
+    for integrator, key, value, grids in (("cpodes", "accuracy", 1e-4, (8, 12, 16, 30)), ("cpodes", "accuracy", 1e-5, (30, 60)), ("cpodes", "accuracy", 1e-3, (12,)),
+                                          *(("generalized-alpha", "step", f"{s:g} ms", (8, 15, 30, 60)) for s in (0.5, 1, 2, 5))):
         jobs += [Job("gait", "Genu", f"{integrator} {value}, {g} x {g}", None, 1.5, grid=g, repeats=3, analysis={"integrator": integrator, key: value})
                  for g in grids]
-    for edge, steps_ms in ((2.8, (5,)), (2, (10, 5, 2)), (1.4, (5, 2)), (1, (5, 2, 1, 0.5)), (0.7, (2, 1, 0.5)), (0.5, (1, 0.5)), (0.35, (0.5,)), (0.2, (1,))):
+    for edge, steps_ms in ((2.8, (5,)), (2, (10, 5, 2)), (1.4, (5, 2)), (1, (5, 2, 1, 0.5)), (0.7, (2, 1, 0.5)), (0.5, (1, 0.5)), (0.35, (1,)), (0.2, (1,))):
         # Each mesh starts from the program's own equilibrium on it: the start makes no vibration.
-        jobs.append(Job("gait", "Drake", f"{edge:g} mm", "motion:drake_settle", 3 + 3 * _faces(edge), role="start", edge_mm=edge, step_s=1e-3))
-        jobs += [Job("gait", "Drake", f"{edge:g} mm, {s:g} ms", "motion:drake_gait", 2 + (2 + 16 / s) * _faces(edge), edge_mm=edge, step_s=1e-3 * s)
-                 for s in steps_ms]
+        group = [Job("gait", "Drake", f"{edge:g} mm", "motion:drake_settle", 3 + 3 * _faces(edge), role="start", edge_mm=edge, step_s=1e-3)]
+        group += [Job("gait", "Drake", f"{edge:g} mm, {s:g} ms", "motion:drake_gait", 2 + (2 + 16 / s) * _faces(edge), edge_mm=edge, step_s=1e-3 * s)
+                  for s in steps_ms]
         if edge == 2:
-            jobs.append(Job("gait", "Drake", "2 mm, cenic 0.001", "motion:drake_gait", 20, edge_mm=2, scheme="cenic", accuracy=1e-3, longest_step_s=0.001))
+            group.append(Job("gait", "Drake", "2 mm, cenic 0.001", "motion:drake_gait", 20, edge_mm=2, scheme="cenic", accuracy=1e-3, longest_step_s=0.001))
         if edge == 2.8:
-            jobs.append(Job("gait", "Drake", "2.8 mm, implicit_euler 0.001", "motion:drake_gait", 60, edge_mm=2.8, limit_s=60, scheme="implicit_euler",
-                            accuracy=1e-3, longest_step_s=0.01))
+            group.append(Job("gait", "Drake", "2.8 mm, implicit_euler 0.001", "motion:drake_gait", 60, edge_mm=2.8, limit_s=60, scheme="implicit_euler",
+                             accuracy=1e-3, longest_step_s=0.01))
+        groups.append(group)
     for edge, accuracies in ((4, (1e-3,)), (2.8, (1e-3,)), (2, (1e-3, 1e-4)), (1.4, (1e-3,)), (1, (1e-3,)), (0.7, (1e-3,))):
-        jobs.append(Job("gait", "OpenSim", f"{edge:g} mm", "motion:opensim_settle", 3 + 75 * _faces(edge), role="start", edge_mm=edge, accuracy=1e-4))
-        jobs += [Job("gait", "OpenSim", f"{edge:g} mm, RKM {a:g}", "motion:opensim_gait", 25 + 200 * _faces(edge), edge_mm=edge, accuracy=a) for a in accuracies]
+        group = [Job("gait", "OpenSim", f"{edge:g} mm", "motion:opensim_settle", 3 + 75 * _faces(edge), role="start", edge_mm=edge, accuracy=1e-4)]
+        group += [Job("gait", "OpenSim", f"{edge:g} mm, RKM {a:g}", "motion:opensim_gait", 25 + 200 * _faces(edge), edge_mm=edge, accuracy=a) for a in accuracies]
         if edge == 4:
-            jobs.append(Job("gait", "OpenSim", "4 mm, CPodes 0.0001", "motion:opensim_gait", 60, edge_mm=4, limit_s=60, accuracy=1e-4, method="CPodes"))
-    return jobs
+            group.append(Job("gait", "OpenSim", "4 mm, CPodes 0.0001", "motion:opensim_gait", 60, edge_mm=4, limit_s=60, accuracy=1e-4, method="CPodes"))
+        groups.append(group)
+    # What takes long comes last: a run that is broken off has most of the curves.
+    return jobs + [j for g in sorted(groups, key=lambda g: sum(j.cost_s for j in g)) for j in g]
 
 
 def reference():

@@ -10,10 +10,18 @@ from .own_runs import Program
 
 
 class Row:
-    """errors: name -> value, None where the program does not give it. note: why a run has no result."""
+    """errors: name -> value, None where the program does not give it. note: why a run has no result. fineness: of grid or mesh, in a family of settings
+    that differ in nothing else."""
 
-    def __init__(self, program, setting, time_s=None, errors=None, note="", **more):
+    def __init__(self, program, setting, time_s=None, errors=None, note="", fineness=0.0, family="", **more):
         self.program, self.setting, self.time_s, self.errors, self.note, self.more = program, setting, time_s, errors or {}, note, more
+        self.fineness, self.family = fineness, family
+
+
+def _kind(job):
+    """Fineness and family of a job's row."""
+    others = {k: v for k, v in job.options.items() if k not in ("edge_m", "grid")}
+    return {"fineness": 1 / job.edge_mm if job.edge_mm else job.options["grid"], "family": repr(sorted(others.items()))}
 
 
 def _errors_of_loads(loads, references, length_m):
@@ -27,11 +35,16 @@ def _errors_of_loads(loads, references, length_m):
             "area": rms(relative("area")), "peak": rms(relative("peak"))}
 
 
+def _extrapolated(coarse, fine):
+    """Richardson: what values on two meshes, (edge, values), tend to; their errors go with the square of the edge."""
+    (e1, a), (e2, b) = coarse, fine
+    return list(np.asarray(b) + np.subtract(b, a) / ((e1 / e2) ** 2 - 1))
+
+
 def _limit_of(measured):
-    """Richardson: what the forces of the two finest meshes, whose errors go with the square of the edge, tend to."""
+    """What the forces of the two finest meshes tend to."""
     (e1, a), (e2, b) = measured[-2:]
-    share = 1 / ((e1 / e2) ** 2 - 1)
-    extrapolate = lambda k: [list(np.asarray(y[k]) + share * np.subtract(y[k], x[k])) for x, y in zip(a["loads"], b["loads"])]
+    extrapolate = lambda k: [_extrapolated((e1, x[k]), (e2, y[k])) for x, y in zip(a["loads"], b["loads"])]
     return [{"force": f, "moment": m, "area": None, "peak": None} for f, m in zip(extrapolate("force"), extrapolate("moment"))]
 
 
@@ -77,22 +90,24 @@ class Comparison:
         return got
 
     def _rows(self, jobs, row):
-        """row(job, result so far) for every job that makes one; a case without a result makes one that says why."""
+        """row(job) for every job that makes one; a case without a result makes one that says why."""
         rows = []
         for job in jobs:
             try:
                 made = row(job)
             except NotFinished as reason:
                 made = Row(job.program, job.setting, note=str(reason))
-            except NotMeasured:
-                continue
-            if made is not None:
+            except NotMeasured as reason:
+                made = Row(job.program, job.setting, note=str(reason))
+            if made is not None and job.role != "start":
                 rows.append(made)
-        return rows
+        order = ("Genu", "Drake", "Drake half space", "OpenSim")
+        return sorted(rows, key=lambda r: order.index(r.program))
 
     def _reference_gait(self):
         job = plan.reference()
-        return self._genu(job, "gait", lambda: self.case.write_scene(self.work / "reference.yaml", gait=job.options["analysis"]))
+        damping = self.case.gait_damping()
+        return self._genu(job, "gait", lambda: self.case.write_scene(self.work / "reference.yaml", **damping, gait=job.options["analysis"]), **damping)
 
     # ---- one evaluation ----
 
@@ -110,7 +125,7 @@ class Comparison:
                 for r in got["rows"][:-1]:
                     errors = _errors_of_loads(r["loads"], reference, case.length_m)
                     errors["own"] = errors["force"]
-                    rows.append(Row("Genu", r["setting"], r["time_s"], errors, size=r["size"], build_s=r["build_s"]))
+                    rows.append(Row("Genu", r["setting"], r["time_s"], errors, fineness=r["size"], size=r["size"], build_s=r["build_s"]))
                 return None
             measured.setdefault(job.program, []).append((job, self._peer(job, {"case": given}, poses=poses)))
             return None
@@ -123,7 +138,7 @@ class Comparison:
             for job, r in of_program:
                 errors = _errors_of_loads(r["loads"], reference, case.length_m)
                 errors["own"] = _errors_of_loads(r["loads"], limit, case.length_m)["force"] if limit else None
-                rows.append(Row(program, job.setting, r["time_s"], errors, size=r["size"], build_s=r["build_s"], memory_MB=r["memory_MB"]))
+                rows.append(Row(program, job.setting, r["time_s"], errors, **_kind(job), size=r["size"], build_s=r["build_s"], memory_MB=r["memory_MB"]))
             rows += [r for r in stopped if r.program == program]
             if limit and not own_limits:
                 differ = _errors_of_loads(limit, reference, case.length_m)
@@ -160,16 +175,32 @@ class Comparison:
         moved = self._genu(local, "static", lambda: case.write_scene(self.work / "settle_local.yaml", local_thickness=True, **at))["pose"]
         start = {"rx": 0.0, "y": reference[4] + 1e-3, "z": 0.0}
 
+        poses = {}  # program -> [(edge, pose)], the finest mesh last
+
         def row(job):
             if job.program == "Genu":
                 r = self._genu(job, "static", lambda: case.write_scene(self.work / "settle_from.yaml", start=start, **at), start=start)
-                return Row("Genu", job.setting, r["time_s"], self._pose_errors(r["pose"], reference), work=f"{r['evaluations']} evaluations")
+                made = Row("Genu", job.setting, r["time_s"], self._pose_errors(r["pose"], reference), **_kind(job), work=f"{r['evaluations']} evaluations")
+                made.errors["own"] = made.errors["pose"]
+                return made
             r = self._peer(job, self._files(), t=t, start=start)
+            poses.setdefault(job.program, {})[job.edge_mm] = r["pose"]
             work = f"{r['steps']} steps" if "steps" in r else f"{r['simulated_s']:.2g} s simulated"
-            return Row(job.program, job.setting, r["time_s"], self._pose_errors(r["pose"], reference), work=work,
+            made = Row(job.program, job.setting, r["time_s"], self._pose_errors(r["pose"], reference), **_kind(job), work=work,
                        residual_N=max(abs(x) for x in r["residual_N"]), memory_MB=r["memory_MB"])
+            made.pose = r["pose"]
+            return made
 
-        return {"rows": self._rows([j for j in jobs if j.role == "row"], row), "local_mm": self._pose_errors(moved, reference)}
+        rows = self._rows([j for j in jobs if j.role == "row"], row)
+        for program, by_edge in poses.items():
+            if len(by_edge) < 2:
+                continue
+            limit = _extrapolated(*sorted(by_edge.items(), reverse=True)[-2:])
+            for r in rows:
+                if r.program == program and r.time_s:
+                    r.errors["own"] = self._pose_errors(r.pose, limit)["pose"]
+            rows.append(Row(program, "limit", None, self._pose_errors(limit, reference), note="extrapolated"))
+        return {"rows": rows, "local_mm": self._pose_errors(moved, reference)}
 
     def _files(self):
         return {"file": str(self.case.file), "data": str(self.data) if self.data else None}
@@ -186,24 +217,40 @@ class Comparison:
         case, reference = self.case, self._reference_gait()
         first = reference["poses"][0]
         above = {"rx": first[0], "y": first[4] + 1e-3, "z": first[5]}
-        starts = {}
+        starts, damping = {}, case.gait_damping()
+
+        def difference(a, b):
+            return np.abs(np.subtract(a, b))[:, [4, 5, 0]] * [1e3, 1e3, 1e3 * case.length_m]
 
         def errors(r):
-            d = np.abs(np.subtract(r["poses"], reference["poses"]))[:, [4, 5, 0]] * [1e3, 1e3, 1e3 * case.length_m]
+            d = difference(r["poses"], reference["poses"])
             got = dict(zip(("y", "z", "rx"), d.max(axis=0)))
             return dict(got, pose=float(d.max()), force=float(np.abs(np.subtract(r["forces"], reference["forces"])).max()))
 
         def row(job):
             if job.program == "Genu":
-                r = self._genu(job, "gait", lambda: case.write_scene(self.work / "gait.yaml", gait=job.options["analysis"]))
-                return Row("Genu", job.setting, r["time_s"], errors(r), steps=r["steps"])
+                r = self._genu(job, "gait", lambda: case.write_scene(self.work / "gait.yaml", **damping, gait=job.options["analysis"]), **damping)
+                made = Row("Genu", job.setting, r["time_s"], errors(r), **_kind(job), steps=r["steps"])
+                made.errors["own"] = made.errors["pose"]
+                return made
             if job.role == "start":
                 starts[job.program, job.edge_mm] = self._peer(job, self._files(), t=0.0, start=above)["pose"]
                 return None
             if (job.program, job.edge_mm) not in starts:
-                return None
+                raise NotMeasured("not measured, or no equilibrium to start from")
             pose = starts[job.program, job.edge_mm]
-            r = self._peer(job, self._files(), start={"rx": pose[0], "y": pose[4], "z": pose[5]}, rates=reference["rates"])
-            return Row(job.program, job.setting, r["time_s"], errors(r), steps=r.get("steps"), follow_mm=1e3 * r["follow_m"], memory_MB=r["memory_MB"])
+            r = self._peer(job, self._files(), start={"rx": pose[0], "y": pose[4], "z": pose[5]}, rates=reference["rates"], **damping)
+            made = Row(job.program, job.setting, r["time_s"], errors(r), **_kind(job), steps=r.get("steps"), follow_mm=1e3 * r["follow_m"], memory_MB=r["memory_MB"])
+            made.poses, made.limits = r["poses"], (job.edge_mm, job.options.get("step_s", 0.0), job.options.get("accuracy", 0.0))
+            return made
 
-        return {"rows": self._rows(plan.gait(), row)}
+        rows = self._rows(plan.gait(), row)
+        for program in plan.PEERS:
+            own = [r for r in rows if r.program == program and r.time_s]
+            finest = min(own, key=lambda r: r.limits, default=None)
+            for r in own:
+                if r is finest:
+                    r.note = "own reference"
+                else:
+                    r.errors["own"] = float(difference(r.poses, finest.poses).max())
+        return {"rows": rows}

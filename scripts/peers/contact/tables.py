@@ -13,7 +13,8 @@ def table(header, rows):
 
 
 def ratio(r):
-    return "–" if r is None or r.bound is None else f"{r.bound}{number(r.value)}"
+    """Two digits: more are not known."""
+    return "–" if r is None or r.bound is None else f"{r.bound}{float(f'{r.value:.2g}'):g}"
 
 
 def at_equal_error(rows, error, levels, unit):
@@ -49,6 +50,6 @@ def settings(rows, errors, extra):
 
 
 def _note(row):
-    if row.errors.get("pose", 0) > 10:
+    if row.time_s and row.errors.get("pose", 0) > 10:
         return "falls through the layer"
     return row.note.replace("|", "\\|")
