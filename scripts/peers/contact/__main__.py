@@ -29,11 +29,11 @@ def arguments():
     for name in ("genu", "library", "models", "output"):
         parser.add_argument(name, type=lambda p: pathlib.Path(p).resolve())
     parser.add_argument("--part", choices=plan.PARTS, action="append", help="measure only this; may be repeated. The others are as last measured")
-    parser.add_argument("--knee", choices=KNEES, action="append", help="only this; may be repeated")
-    parser.add_argument("--peer", choices=plan.PEERS, action="append", help="run only this; the other is as last measured")
+    parser.add_argument("--knee", choices=KNEES, action="append", help="measure only this; may be repeated. The other is as last measured")
+    parser.add_argument("--peer", choices=plan.PEERS, action="append", help="measure only this; the other is as last measured")
     parser.add_argument("--limit", type=float, default=600, help="of processor time for one case [s]")
     modes = parser.add_mutually_exclusive_group()
-    for name, help in (("continue", "measure only what has no result yet"), ("short", f"measure again what took at most {SHORT_S} s the last time"),
+    for name, help in (("continue", "measure only what has no result yet"), ("short", f"measure again Genu's cases and what took at most {SHORT_S} s the last time"),
                        ("measured", "measure nothing")):
         modes.add_argument(f"--{name}", dest="mode", action="store_const", const={"measured": "none"}.get(name, name), help=help)
     parser.add_argument("--write", action="store_true", help="replace the section of docs/verification.md, and its picture")
@@ -49,7 +49,7 @@ def compare(given, knees, peers):
     data = pathlib.Path(data).resolve() if data else None
     mode, work, progress = given.mode or "all", given.output / "work" / "contact", Progress({}, sys.stdout)
     comparisons = {}
-    for name in knees:
+    for name in KNEES:
         try:
             if name == "tka_dm" and data is None:
                 raise FileNotFoundError("GENU_DATA_DIR is not set")
@@ -59,7 +59,7 @@ def compare(given, knees, peers):
             print(f"{name} is left out, see models/{name}/README.md: {reason}", flush=True)
     # Evaluations of all knees first: what takes long comes last.
     parts = [(name, part) for part in ("sphere", *plan.PARTS) if part in (given.part or plan.PARTS) or (part == "sphere" and "contact" in (given.part or plan.PARTS))
-             for name in comparisons if part != "sphere" or name == KNEES[0]]
+             for name in comparisons if name in knees and (part != "sphere" or name == KNEES[0])]
     for name, part in parts:
         kept = comparisons[name].kept
         for job in plan.jobs(part) + ([plan.reference()] if part in ("contact", "gait") else []):

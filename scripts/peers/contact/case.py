@@ -143,9 +143,9 @@ class KneeCase(Case):
         (load,) = self.yaml["loads"].values()
         return {"damping_z": round(300 * self.scene.urdf.links[load["body"]].mass, 3)} if self.name in DAMPED else {}
 
-    def write_scene(self, file, local_thickness=False, start=None, damping_z=None, **changes):
+    def write_scene(self, file, local_thickness=False, start=None, damping_z=None, correction=None, **changes):
         """The scene with absolute paths, the meshed rectangles, the constant thickness, starting values of free coordinates, a damper on z
-        [N s/m] and the given sections of `analysis`. Returns the file."""
+        [N s/m], the contact's `correction` and the given sections of `analysis`. Returns the file."""
         given = yaml.safe_load(self.file.read_text())
         for s in given["surfaces"].values():
             s["nurbs"] = str((self.file.parent / s["nurbs"]).resolve())
@@ -165,6 +165,8 @@ class KneeCase(Case):
         for contact in given["contact"].values():
             for name, _, _, rectangle in self.compartments:
                 contact["compartments"][name]["rectangle"] = ", ".join(f"{1e3 * v:.12g} mm" for v in rectangle)
+            if correction:
+                contact["correction"] = correction
             if not local_thickness:
                 contact["fixed"]["thickness"] = f"{1e3 * self.h_m:.12g} mm"
         for name, value in (start or {}).items():

@@ -7,7 +7,7 @@ import time
 
 from .limited import NotFinished
 
-SHORT_S = 8  # of processor time, building included
+SHORT_S = 4  # of processor time, building included
 
 
 class NotMeasured(Exception):
@@ -26,7 +26,7 @@ def _same(a, b):
 
 
 class Kept:
-    """mode: "all" measures everything; "continue" what has no result yet; "short" what took at most SHORT_S the last time; "none" nothing.
+    """mode: "all" measures everything; "continue" what has no result yet; "short" Genu's and what took at most SHORT_S the last time; "none" nothing.
     peers: those that may be measured; of the others the results of the last time are taken."""
 
     def __init__(self, folder, mode, peers, progress):
@@ -45,7 +45,7 @@ class Kept:
             return False
         last = self.last(job)
         if self.mode == "short":
-            return last is not None and last["cpu_s"] <= SHORT_S
+            return last is not None and (last["cpu_s"] <= SHORT_S or job.program == "Genu")
         stale = last is None or (what is not None and not _same(last["what"], what)) or (last["stopped"] and last["limit_s"] < min(limit_s, job.limit_s or limit_s))
         return self.mode == "all" or bool(stale)
 

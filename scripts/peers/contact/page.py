@@ -112,7 +112,8 @@ def write(measured, processor):
     memory = ("memory_MB", "Memory [MB]")
     if any("settle" in m for m in measured.values()):
         lines += ["### Settle", "", "From 1 mm above the equilibrium at the largest load, y, z and rx free, the others held. Pose error: largest of y, z and 25 mm times rx. Own limit: extrapolated from the "
-                  "program's two finest meshes; Genu's: 240 x 240 elements, against which the other errors are, which hold the differences of model.", ""]
+                  "program's two finest meshes; Genu's: 240 x 240 elements, against which the other errors are, which hold the differences of model. The largest is the force's direction: with `correction: none` "
+                  "Genu's force, too, is along the moving surface's normal (row \"limit, correction: none\").", ""]
         lines += _motion("settle", measured, [("work", "Work"), ("residual_N", "Residual [N]"), memory], [])
     if any("gait" in m for m in measured.values()):
         lines += ["### Gait cycle", "", "One second; each program starts from its own equilibrium, with Genu's rates. Errors: largest over 100 output times. Own limit: the program's run on its finest mesh; "

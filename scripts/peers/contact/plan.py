@@ -54,7 +54,8 @@ def contact():
 
 def settle():
     jobs = [Job("settle", "Genu", f"{REFERENCE_GRID} x {REFERENCE_GRID}", None, 2, role="reference", grid=REFERENCE_GRID),
-            Job("settle", "Genu", f"{REFERENCE_GRID} x {REFERENCE_GRID}", None, 2, role="local", grid=REFERENCE_GRID)]
+            Job("settle", "Genu", f"{REFERENCE_GRID} x {REFERENCE_GRID}", None, 2, role="local", grid=REFERENCE_GRID),
+            Job("settle", "Genu", f"{REFERENCE_GRID} x {REFERENCE_GRID}", None, 2, role="uncorrected", grid=REFERENCE_GRID)]
     jobs += [Job("settle", "Genu", f"{g} x {g}", None, 1.5, grid=g, repeats=10) for g in (4, 6, 8, 12, 16, 30, 60)]
     for edge in EDGES_MM[1:]:
         # The step does not move the equilibrium; where both are cheap, the faster of the two is found.
@@ -79,14 +80,14 @@ def gait():
         if edge == 2:
             group.append(Job("gait", "Drake", "2 mm, cenic 0.001", "motion:drake_gait", 20, edge_mm=2, scheme="cenic", accuracy=1e-3, longest_step_s=0.001))
         if edge == 2.8:
-            group.append(Job("gait", "Drake", "2.8 mm, implicit_euler 0.001", "motion:drake_gait", 60, edge_mm=2.8, limit_s=60, scheme="implicit_euler",
-                             accuracy=1e-3, longest_step_s=0.01))
+            groups.append([Job("gait", "Drake", "2.8 mm, implicit_euler 0.001", "motion:drake_gait", 60, edge_mm=2.8, limit_s=60, scheme="implicit_euler",
+                               accuracy=1e-3, longest_step_s=0.01)])
         groups.append(group)
     for edge, accuracies in ((4, (1e-3,)), (2.8, (1e-3,)), (2, (1e-3, 1e-4)), (1.4, (1e-3,)), (1, (1e-3,)), (0.7, (1e-3,))):
         group = [Job("gait", "OpenSim", f"{edge:g} mm", "motion:opensim_settle", 3 + 75 * _faces(edge), role="start", edge_mm=edge, accuracy=1e-4)]
         group += [Job("gait", "OpenSim", f"{edge:g} mm, RKM {a:g}", "motion:opensim_gait", 25 + 200 * _faces(edge), edge_mm=edge, accuracy=a) for a in accuracies]
         if edge == 4:
-            group.append(Job("gait", "OpenSim", "4 mm, CPodes 0.0001", "motion:opensim_gait", 60, edge_mm=4, limit_s=60, accuracy=1e-4, method="CPodes"))
+            groups.append([Job("gait", "OpenSim", "4 mm, CPodes 0.0001", "motion:opensim_gait", 60, edge_mm=4, limit_s=60, accuracy=1e-4, method="CPodes")])
         groups.append(group)
     # What takes long comes last: a run that is broken off has most of the curves.
     return jobs + [j for g in sorted(groups, key=lambda g: sum(j.cost_s for j in g)) for j in g]

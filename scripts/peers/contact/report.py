@@ -41,6 +41,10 @@ def _extrapolated(coarse, fine):
     return list(np.asarray(b) + np.subtract(b, a) / ((e1 / e2) ** 2 - 1))
 
 
+def _extrapolation(edges_mm):
+    return "extrapolated from {:g} and {:g} mm".format(*sorted(edges_mm)[1::-1])
+
+
 def _limit_of(measured):
     """What the forces of the two finest meshes tend to."""
     (e1, a), (e2, b) = measured[-2:]
@@ -142,7 +146,7 @@ class Comparison:
             rows += [r for r in stopped if r.program == program]
             if limit and not own_limits:
                 differ = _errors_of_loads(limit, reference, case.length_m)
-                rows.append(Row(program, "limit", None, {k: differ[k] for k in ("force", "moment")}, note="extrapolated"))
+                rows.append(Row(program, "limit", None, {k: differ[k] for k in ("force", "moment")}, note=_extrapolation(job.edge_mm for job, _ in of_program)))
         return rows + [r for r in stopped if r.program not in measured]
 
     def sphere(self):
@@ -170,7 +174,7 @@ class Comparison:
         case, t = self.case, self.scene.time_of_largest_force()
         at = {"static": {"time": f"{t:.12g} s"}}
         jobs = plan.settle()
-        first, local = (next(j for j in jobs if j.role == role) for role in ("reference", "local"))
+        first, local, uncorrected = (next(j for j in jobs if j.role == role) for role in ("reference", "local", "uncorrected"))
         reference = self._genu(first, "static", lambda: case.write_scene(self.work / "settle.yaml", **at))["pose"]
         moved = self._genu(local, "static", lambda: case.write_scene(self.work / "settle_local.yaml", local_thickness=True, **at))["pose"]
         start = {"rx": 0.0, "y": reference[4] + 1e-3, "z": 0.0}
@@ -199,7 +203,13 @@ class Comparison:
             for r in rows:
                 if r.program == program and r.time_s:
                     r.errors["own"] = self._pose_errors(r.pose, limit)["pose"]
-            rows.append(Row(program, "limit", None, self._pose_errors(limit, reference), note="extrapolated"))
+            rows.append(Row(program, "limit", None, self._pose_errors(limit, reference), note=_extrapolation(by_edge)))
+
+        def plain(job):
+            pose = self._genu(job, "static", lambda: case.write_scene(self.work / "settle_uncorrected.yaml", correction="none", **at))["pose"]
+            return Row("Genu", "limit, correction: none", None, self._pose_errors(pose, reference), note="240 x 240")
+
+        rows += self._rows([uncorrected], plain)
         return {"rows": rows, "local_mm": self._pose_errors(moved, reference)}
 
     def _files(self):

@@ -44,9 +44,12 @@ def settings(rows, errors, extra):
     """All rows. errors: (key, heading); extra: (key of more, heading). A column that is empty throughout is left out."""
     show = lambda v: "–" if v is None else v if isinstance(v, str) else str(v) if isinstance(v, int) else number(v)
     extra = [(k, h) for k, h in extra if any(r.more.get(k) is not None for r in rows)]
+    missing = [r for r in rows if r.note.startswith("not measured")]
+    rows = [r for r in rows if r not in missing]
     header = ["Program", "Setting", "Time [ms]"] + [h for _, h in errors] + [h for _, h in extra] + [""]
-    return table(header, [[r.program, r.setting, number(r.time_s and 1e3 * r.time_s, 3)] + [number(r.errors.get(k)) for k, _ in errors] +
-                          [show(r.more.get(k)) for k, _ in extra] + [_note(r)] for r in rows])
+    lines = table(header, [[r.program, r.setting, number(r.time_s and 1e3 * r.time_s, 3)] + [number(r.errors.get(k)) for k, _ in errors] +
+                           [show(r.more.get(k)) for k, _ in extra] + [_note(r)] for r in rows])
+    return lines + (["Not measured: " + "; ".join(f"{r.program} {r.setting}" for r in missing) + ".", ""] if missing else [])
 
 
 def _note(row):
