@@ -4,10 +4,10 @@ import math
 
 def _sure(rows, program, error):
     """(time [s], error) of the settings with a result. A setting that happens to be nearer than a finer one of its family counts as that one: what
-    is not known beforehand is no accuracy."""
+    is not known beforehand is no accuracy. One that fell through the layer is no result."""
     families, made = {}, []
     for r in rows:
-        if r.program == program and r.time_s and r.errors.get(error):
+        if r.program == program and r.time_s and r.errors.get(error) and not r.fell():
             families.setdefault(r.family, []).append(r)
     for family in families.values():
         largest = 0.0

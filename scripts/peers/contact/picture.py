@@ -17,7 +17,7 @@ def _panel(rows, part, title, work, name):
     lines, plots, everything = [], [], []
     fronts = {p: equal_error.front(rows, p, error) for p in COLOURS}
     for program, (colour, point) in COLOURS.items():
-        shown = [(scale * r.time_s, r.errors[error]) for r in rows if r.program == program and r.time_s and 0 < (r.errors.get(error) or 0) < 100]
+        shown = [(scale * r.time_s, r.errors[error]) for r in rows if r.program == program and r.time_s and r.errors.get(error) and not r.fell()]
         if not shown:
             continue
         everything += shown

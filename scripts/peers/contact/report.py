@@ -17,6 +17,10 @@ class Row:
         self.program, self.setting, self.time_s, self.errors, self.note, self.more = program, setting, time_s, errors or {}, note, more
         self.fineness, self.family = fineness, family
 
+    def fell(self):
+        """Through the layer: its thickness is some millimetres."""
+        return bool(self.time_s) and self.errors.get("pose", 0.0) > 10
+
 
 def _kind(job):
     """Fineness and family of a job's row."""
@@ -179,7 +183,12 @@ class Comparison:
         moved = self._genu(local, "static", lambda: case.write_scene(self.work / "settle_local.yaml", local_thickness=True, **at))["pose"]
         start = {"rx": 0.0, "y": reference[4] + 1e-3, "z": 0.0}
 
-        poses = {}  # program -> [(edge, pose)], the finest mesh last
+        def plain(job):
+            pose = self._genu(job, "static", lambda: case.write_scene(self.work / "settle_uncorrected.yaml", correction="none", **at))["pose"]
+            return Row("Genu", "limit, correction: none", None, self._pose_errors(pose, reference), note="240 x 240")
+
+        uncorrected_rows = self._rows([uncorrected], plain)
+        poses = {}  # program -> edge -> pose
 
         def row(job):
             if job.program == "Genu":
@@ -204,13 +213,7 @@ class Comparison:
                 if r.program == program and r.time_s:
                     r.errors["own"] = self._pose_errors(r.pose, limit)["pose"]
             rows.append(Row(program, "limit", None, self._pose_errors(limit, reference), note=_extrapolation(by_edge)))
-
-        def plain(job):
-            pose = self._genu(job, "static", lambda: case.write_scene(self.work / "settle_uncorrected.yaml", correction="none", **at))["pose"]
-            return Row("Genu", "limit, correction: none", None, self._pose_errors(pose, reference), note="240 x 240")
-
-        rows += self._rows([uncorrected], plain)
-        return {"rows": rows, "local_mm": self._pose_errors(moved, reference)}
+        return {"rows": rows + uncorrected_rows, "local_mm": self._pose_errors(moved, reference)}
 
     def _files(self):
         return {"file": str(self.case.file), "data": str(self.data) if self.data else None}
@@ -229,20 +232,15 @@ class Comparison:
         above = {"rx": first[0], "y": first[4] + 1e-3, "z": first[5]}
         starts, damping = {}, case.gait_damping()
 
-        def difference(a, b):
-            return np.abs(np.subtract(a, b))[:, [4, 5, 0]] * [1e3, 1e3, 1e3 * case.length_m]
-
         def errors(r):
-            d = difference(r["poses"], reference["poses"])
+            d = np.abs(np.subtract(r["poses"], reference["poses"]))[:, [4, 5, 0]] * [1e3, 1e3, 1e3 * case.length_m]
             got = dict(zip(("y", "z", "rx"), d.max(axis=0)))
             return dict(got, pose=float(d.max()), force=float(np.abs(np.subtract(r["forces"], reference["forces"])).max()))
 
         def row(job):
             if job.program == "Genu":
                 r = self._genu(job, "gait", lambda: case.write_scene(self.work / "gait.yaml", **damping, gait=job.options["analysis"]), **damping)
-                made = Row("Genu", job.setting, r["time_s"], errors(r), **_kind(job), steps=r["steps"])
-                made.errors["own"] = made.errors["pose"]
-                return made
+                return Row("Genu", job.setting, r["time_s"], errors(r), **_kind(job), steps=r["steps"])
             if job.role == "start":
                 starts[job.program, job.edge_mm] = self._peer(job, self._files(), t=0.0, start=above)["pose"]
                 return None
@@ -250,17 +248,6 @@ class Comparison:
                 raise NotMeasured("not measured, or no equilibrium to start from")
             pose = starts[job.program, job.edge_mm]
             r = self._peer(job, self._files(), start={"rx": pose[0], "y": pose[4], "z": pose[5]}, rates=reference["rates"], **damping)
-            made = Row(job.program, job.setting, r["time_s"], errors(r), **_kind(job), steps=r.get("steps"), follow_mm=1e3 * r["follow_m"], memory_MB=r["memory_MB"])
-            made.poses, made.limits = r["poses"], (job.edge_mm, job.options.get("step_s", 0.0), job.options.get("accuracy", 0.0))
-            return made
+            return Row(job.program, job.setting, r["time_s"], errors(r), **_kind(job), steps=r.get("steps"), follow_mm=1e3 * r["follow_m"], memory_MB=r["memory_MB"])
 
-        rows = self._rows(plan.gait(), row)
-        for program in plan.PEERS:
-            own = [r for r in rows if r.program == program and r.time_s]
-            finest = min(own, key=lambda r: r.limits, default=None)
-            for r in own:
-                if r is finest:
-                    r.note = "own reference"
-                else:
-                    r.errors["own"] = float(difference(r.poses, finest.poses).max())
-        return {"rows": rows}
+        return {"rows": self._rows(plan.gait(), row)}

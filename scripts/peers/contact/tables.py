@@ -53,6 +53,6 @@ def settings(rows, errors, extra):
 
 
 def _note(row):
-    if row.time_s and row.errors.get("pose", 0) > 10:
+    if row.fell():
         return "falls through the layer"
     return row.note.replace("|", "\\|")
