@@ -1,20 +1,21 @@
 """python -m peers.contact GENU LIBRARY MODELS OUTPUT: one contact evaluation, a settle and the gait cycle with Genu, Drake and OpenSim.
-Writes OUTPUT/contact.md and contact.png; with --write also the section of docs/verification.md."""
+Writes OUTPUT/contact.md and contact.png; with --write also the section of docs/verification.md. Ctrl-C ends the measuring: what is complete is
+kept and shown. Exit code: 0 done, 1 nothing to show, 2 wrong options, 130 broken off."""
 import argparse
-import json
 import os
 import pathlib
 import platform
 import shutil
+import signal
+import sys
 
-from . import page, picture
-from .case import KneeCase
-from .report import Comparison, Row
+from . import page, picture, plan
+from .kept import SHORT_S, Kept, NotMeasured, Progress
+from .limited import NotFinished
+from .report import Comparison
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PAGE, PICTURE = ROOT / "docs" / "verification.md", ROOT / "docs" / "images" / "peers.png"
-PEERS = ("Drake", "OpenSim")
-PARTS = ("contact", "settle", "gait")
 KNEES = ("artificial_knee", "tka_dm")
 
 
@@ -23,78 +24,108 @@ def processor():
     return next((l.split(":", 1)[1].strip() for l in lines if l.startswith("model name")), platform.processor() or "unknown processor")
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+def arguments():
+    parser = argparse.ArgumentParser(prog="compare_peers", description=__doc__)
     for name in ("genu", "library", "models", "output"):
         parser.add_argument(name, type=lambda p: pathlib.Path(p).resolve())
-    parser.add_argument("--part", choices=PARTS, action="append", help="measure only this again; may be repeated. The others are as last measured")
-    parser.add_argument("--knee", choices=KNEES, action="append", help="only this; may be repeated")
-    parser.add_argument("--peer", choices=PEERS, action="append", help="run only this; rows of the other are those measured last")
+    parser.add_argument("--part", choices=plan.PARTS, action="append", help="measure only this; may be repeated. The others are as last measured")
+    parser.add_argument("--knee", choices=KNEES, action="append", help="measure only this; may be repeated. The other is as last measured")
+    parser.add_argument("--peer", choices=plan.PEERS, action="append", help="measure only this; the other is as last measured")
+    parser.add_argument("--limit", type=float, default=600, help="of processor time for one case [s]")
+    modes = parser.add_mutually_exclusive_group()
+    for name, help in (("continue", "measure only what has no result yet"), ("short", f"measure again Genu's cases and what took at most {SHORT_S} s the last time"),
+                       ("measured", "measure nothing")):
+        modes.add_argument(f"--{name}", dest="mode", action="store_const", const={"measured": "none"}.get(name, name), help=help)
     parser.add_argument("--write", action="store_true", help="replace the section of docs/verification.md, and its picture")
-    parser.add_argument("--measured", action="store_true", help="measure nothing: the page and picture of what was measured last")
     given = parser.parse_args()
+    if not given.limit >= 1:
+        parser.error(f"--limit {given.limit:g}: a case may take 1 s or more")
+    return parser, given
+
+
+def compare(given, knees, peers):
+    """What is measured, by knee, and whether all that was asked for was: not if it was broken off."""
     data = os.environ.get("GENU_DATA_DIR")
     data = pathlib.Path(data).resolve() if data else None
-    kept = given.output / "work" / "contact"
-    for name in [] if given.measured else given.knee or KNEES:
-        knee = given.models / name / "gait.yaml"
+    mode, work, progress = given.mode or "all", given.output / "work" / "contact", Progress({}, sys.stdout)
+    comparisons = {}
+    for name in KNEES:
         try:
             if name == "tka_dm" and data is None:
                 raise FileNotFoundError("GENU_DATA_DIR is not set")
-            case = KneeCase(knee)
+            comparisons[name] = Comparison(given.models / name / "gait.yaml", given.genu, given.library, work / name, data,
+                                           Kept(work / name / "cases", mode, peers, progress), given.limit)
         except FileNotFoundError as reason:
-            print(f"{name} is left out, see models/{name}/README.md: {reason}")
-            continue
-        peers = given.peer or PEERS
-        comparison = Comparison(given.genu, given.library, kept / name, data, peers)
-        for part in given.part or PARTS:
-            print(f"{name}: {part}", flush=True)
-            got = {part: getattr(comparison, part)(knee)}
-            if part == "contact" and name == KNEES[0]:
-                got["sphere"], got["sphere_forces"] = comparison.sphere()
-            if part == "settle":
-                got["local_mm"] = comparison.local_mm
-            got["versions"], got["thickness_mm"] = comparison.versions, 1e3 * case.h_m
-            kept.mkdir(parents=True, exist_ok=True)
-            _keep_others(got, kept / f"{name}_{part}.json", [p for p in PEERS if p not in peers])
-            (kept / f"{name}_{part}.json").write_text(json.dumps(got, default=plain, indent=1))
-    measured = {}
-    for name in KNEES:
-        for part in PARTS:
-            if (kept / f"{name}_{part}.json").exists():
-                got = json.loads((kept / f"{name}_{part}.json").read_text())
-                for key in ("sphere", *PARTS):
-                    if key in got:
-                        got[key] = [Row.from_json(r) for r in got[key]]
-                versions = measured.get(name, {}).get("versions", {}) | got["versions"]
-                measured.setdefault(name, {}).update(got, versions=versions)
+            print(f"{name} is left out, see models/{name}/README.md: {reason}", flush=True)
+    # Evaluations of all knees first: what takes long comes last.
+    parts = [(name, part) for part in ("sphere", *plan.PARTS) if part in (given.part or plan.PARTS) or (part == "sphere" and "contact" in (given.part or plan.PARTS))
+             for name in comparisons if name in knees and (part != "sphere" or name == KNEES[0])]
+    for name, part in parts:
+        kept = comparisons[name].kept
+        for job in plan.jobs(part) + ([plan.reference()] if part in ("contact", "gait") else []):
+            if kept.will_measure(job, given.limit):
+                last = kept.last(job)
+                progress.costs[progress.key(_title(name, part), job)] = min(last["cpu_s"] if last else job.cost_s, job.limit_s or given.limit)
+    progress.total = len(progress.costs)
+    measured, complete = {name: {"case": c.case} for name, c in comparisons.items()}, True
+    try:
+        for name, part in parts:
+            progress.title = _title(name, part)
+            _part(measured[name], comparisons[name], part)
+    except KeyboardInterrupt:
+        print("\nbroken off; what is complete is kept, --continue measures the rest", flush=True)
+        complete = False
+    # What was not asked for, or not reached, is as it was measured last.
+    for name, c in comparisons.items():
+        c.kept.mode = "none"
+        for part in ("sphere", *plan.PARTS):
+            if part not in measured[name] and (part != "sphere" or name == KNEES[0]):
+                _part(measured[name], c, part)
+        measured[name].update(versions=c.versions, loads=c.loads, dates=c.dates)
+    return {n: m for n, m in measured.items() if any(p in m for p in ("sphere", *plan.PARTS))}, complete
+
+
+def _title(knee, part):
+    return f"{knee} {part}" if part != "sphere" else "sphere on a layer"
+
+
+def _part(measured, comparison, part):
+    """A part without its reference is left out."""
+    try:
+        got = getattr(comparison, part)()
+    except NotMeasured:
+        return
+    except NotFinished as reason:
+        print(f"{part} is left out, Genu's own reference is missing: {reason}", flush=True)
+        return
+    if got["rows"]:
+        measured[part] = got
+
+
+def main():
+    parser, given = arguments()
+    # A plain kill ends a running case too.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    measured, complete = compare(given, given.knee or KNEES, given.peer or plan.PEERS)
+    if not measured:
+        print("nothing is measured yet")
+        return 1 if complete else 130
     text = page.write(measured, processor())
     (given.output / "contact.md").write_text(text)
-    picture.draw(measured[KNEES[0]], given.output / "contact.png", kept)
-    print(text)
-    if given.write:
-        missing = [p for p in PARTS if p not in measured[KNEES[0]]]
+    drawn = picture.draw(measured, given.output / "contact.png", given.output / "work" / "contact")
+    print(f"written: {given.output / 'contact.md'}" + (f", {given.output / 'contact.png'}" if drawn else ""))
+    if given.write and complete:
+        missing = [f"{name}: {part}" for name in KNEES for part in plan.PARTS if part not in measured.get(name, {})]
         if missing:
-            parser.error(f"--write needs all parts; not measured yet: {', '.join(missing)}")
+            parser.error(f"--write would lose what docs/verification.md shows; not measured yet: {', '.join(missing)}")
         PAGE.write_text(page.replace(PAGE.read_text(), text))
-        if (given.output / "contact.png").exists():
+        if drawn:
             shutil.copy(given.output / "contact.png", PICTURE)
-
-
-def _keep_others(got, file, others):
-    """Adds the rows of the peers that did not run now, from the last time; one that never ran gets a row that says so."""
-    last = json.loads(file.read_text()) if file.exists() else {}
-    for key in ("sphere", *PARTS):
-        for peer in others if key in got else ():
-            rows = [Row.from_json(r) for r in last.get(key, []) if r["program"].split()[0] == peer]
-            got[key] += rows or [Row(peer, "–", note="not run")]
-    got["versions"] = last.get("versions", {}) | got["versions"]
-
-
-def plain(value):
-    """For json: rows, and NumPy's numbers."""
-    return value.to_json() if isinstance(value, Row) else float(value)
+        print("written: docs/verification.md" + (", docs/images/peers.png" if drawn else ""))
+    else:
+        print("\n".join(page.summary(measured)))
+    return 0 if complete else 130
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

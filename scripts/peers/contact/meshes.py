@@ -39,22 +39,31 @@ def closed(points, normals, depth):
     return np.concatenate([top, bottom]), np.concatenate([faces, faces[:, ::-1] + n, walls])
 
 
-def layer(points, normals, depth):
+def layer(points, normals, depth, lip=0.15e-3):
     """Vertices and tetrahedra of a layer for a pressure field that is linear in the distance to its surface: Drake makes the pressure of a
     vertex its modulus times its distance to the nearest boundary over the largest such distance. So there are vertices at `depth` below
-    the surface, as much again below them, and a border around whose sides are far enough from them."""
+    the surface, as much again below them, and a border around whose sides are far enough from them. The surface ends where the points do: beyond
+    them the border lies lower by `lip`, more than anything penetrates there, so that it is not touched; less than it, or the field near the
+    end would be of the border's distance."""
     up = np.array([0.0, 1.0, 0.0])
-    levels = [np.pad(points - k * depth * normals, ((1, 1), (1, 1), (0, 0)), mode="edge") for k in range(3)]
-    out = np.zeros_like(levels[0])
+    pad = lambda p: np.pad(p, ((2, 2), (2, 2), (0, 0)), mode="edge")
+    levels = [pad(points - k * depth * normals) for k in range(3)]
     x_axis, z_axis = (np.mean(d, axis=(0, 1)) * [1, 0, 1] for d in (points[-1:] - points[:1], points[:, -1:] - points[:, :1]))
     x_axis, z_axis = x_axis / np.linalg.norm(x_axis), z_axis / np.linalg.norm(z_axis)
-    out[0] -= x_axis
-    out[-1] += x_axis
-    out[:, 0] -= z_axis
-    out[:, -1] += z_axis
-    ring = np.any(out != 0, axis=2)
-    for level, drop in zip(levels, (0.5, 1.0, 2.0)):
-        level[ring] = np.pad(points, ((1, 1), (1, 1), (0, 0)), mode="edge")[ring] + 2 * depth * out[ring] - drop * depth * up
+    # Of the grid's columns: how far out, along each axis [m]. A column beside the surface, and one that is the border.
+    beside = 0.05e-3
+    ways = []
+    for n in points.shape[:2]:
+        way = np.zeros(n + 4)
+        way[:2], way[-2:] = (-2 * depth, -beside), (beside, 2 * depth)
+        ways.append(way)
+    out = ways[0][:, None, None] * x_axis + ways[1][None, :, None] * z_axis
+    ring = np.ones(out.shape[:2], bool)
+    ring[1:-1, 1:-1] = False
+    near = np.any(out != 0, axis=2) & ~ring
+    for k, (level, drop) in enumerate(zip(levels, (0.5, 1.0, 2.0))):
+        level[near] += out[near] - (lip * pad(normals)[near] if k == 0 else 0)  # along the cells' edges
+        level[ring] = pad(points)[ring] + out[ring] - drop * depth * up
     vertices = np.stack(levels)
     index = np.arange(vertices[..., 0].size).reshape(vertices.shape[:3])
     corner = lambda a, b, c: index[a : index.shape[0] - 1 + a, b : index.shape[1] - 1 + b, c : index.shape[2] - 1 + c].ravel()

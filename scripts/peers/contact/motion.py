@@ -6,6 +6,7 @@ import numpy as np
 
 from . import curve
 from .case import KneeCase
+from .limited import reach
 from ..scene import quantities
 
 FREE = ("rx", "y", "z")
@@ -57,16 +58,20 @@ def _residual(pose, load, scene, t):
     return [float(force[1]), float(force[2]), float(moment[0] / 0.025)]
 
 
-def drake_settle(file, data, folder, edge_m, t, start, step_s, still=1e-6, longest_s=1.0):
-    """Discrete steps with damped joints until the speed is below `still` [m/s]."""
+def drake_settle(file, data, folder, edge_m, t, start, step_s, still=1e-6, longest_s=1.0, longest_way_m=0.5e-3):
+    """Discrete steps with damped joints until the speed is below `still` [m/s]. A step sees the contact where it starts: y and rx, which the load
+    drives, are damped so that it moves them by longest_way_m a step at most, or the body would pass through the layer before it is seen."""
     from pydrake.systems.analysis import Simulator
 
     from .drake_model import DrakeModel, inertia_of, version
 
     case = KneeCase(file)
     scene = Scene(case, data)
-    model = DrakeModel(case, edge_m, folder, time_step=step_s, welded=scene.at(t), inertia=inertia_of(scene.link), damping=_damping(scene.link.mass))
     force = scene.force(t)
+    damping = _damping(scene.link.mass)
+    damping["y"] = max(damping["y"], np.linalg.norm(force) * step_s / longest_way_m)
+    damping["rx"] = damping["y"] * 0.025**2
+    model = DrakeModel(case, edge_m, folder, time_step=step_s, welded=scene.at(t), inertia=inertia_of(scene.link), damping=damping)
     model.add_load(scene.point, lambda _: force)
     model.start()
     simulator = Simulator(model.diagram)
@@ -93,14 +98,14 @@ def _vertical(load, case):
     return forces
 
 
-def drake_gait(file, data, folder, edge_m, start, rates, step_s=0.0, accuracy=None, scheme=None, longest_step_s=None, outputs=100):
+def drake_gait(file, data, folder, edge_m, start, rates, step_s=0.0, accuracy=None, scheme=None, longest_step_s=None, damping_z=0.0, outputs=100):
     from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
     from .drake_model import DrakeModel, inertia_of, version
 
     case = KneeCase(file)
     scene = Scene(case, data)
-    model = DrakeModel(case, edge_m, folder, time_step=step_s, driven=scene.prescribed, inertia=inertia_of(scene.link))
+    model = DrakeModel(case, edge_m, folder, time_step=step_s, driven=scene.prescribed, inertia=inertia_of(scene.link), damping={"z": damping_z})
     model.add_load(scene.point, scene.force)
     model.start(scene.cycle_s, lead_s=step_s)
     simulator = Simulator(model.diagram)
@@ -119,6 +124,7 @@ def drake_gait(file, data, folder, edge_m, start, rates, step_s=0.0, accuracy=No
         t = scene.cycle_s * k / outputs
         simulator.AdvanceTo(t)
         pause = time.process_time()
+        reach(f"at {t:.2f} s of {scene.cycle_s:g} s")
         poses.append(model.read())
         forces.append(_vertical(model.load(), case))
         want = scene.at(t)
@@ -172,6 +178,7 @@ def opensim_settle(file, data, folder, edge_m, t, start, accuracy=1e-4, method="
     while True:
         now += 0.01
         model.state = manager.integrate(now)
+        reach(f"at {now:.2f} simulated s, {model.speed():.1g} m/s")
         if now > 0.02 and model.speed() < still:
             break
         if now > longest_s:
@@ -182,14 +189,14 @@ def opensim_settle(file, data, folder, edge_m, t, start, accuracy=1e-4, method="
     return {"version": program.GetVersion(), "time_s": used, "pose": pose, "load": load, "residual_N": _residual(pose, load, scene, t), "simulated_s": now}
 
 
-def opensim_gait(file, data, folder, edge_m, start, rates, accuracy, method="RungeKuttaMerson", outputs=100):
+def opensim_gait(file, data, folder, edge_m, start, rates, accuracy, method="RungeKuttaMerson", damping_z=0.0, outputs=100):
     import opensim as program
 
     from .opensim_knee import OpenSimKnee
 
     case = KneeCase(file)
     scene = Scene(case, data)
-    model = OpenSimKnee(case, edge_m, folder, link=scene.link, prescribed=scene)
+    model = OpenSimKnee(case, edge_m, folder, link=scene.link, prescribed=scene, damping={"z": damping_z} if damping_z else None)
     _opensim_load(model, program, scene)
     model.start()
     model.place(_start(start, case, scene, 0.0))
@@ -207,6 +214,7 @@ def opensim_gait(file, data, folder, edge_m, start, rates, accuracy, method="Run
         if k:
             model.state = manager.integrate(t)
         pause = time.process_time()
+        reach(f"at {t:.2f} s of {scene.cycle_s:g} s")
         model.evaluate()
         poses.append(model.read())
         forces.append(model.load()["vertical"])

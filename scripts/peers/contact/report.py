@@ -1,64 +1,31 @@
-"""The three comparisons as tables: rows of program, setting, time and errors, and the cheapest setting within an error beside Genu's."""
+"""The three comparisons: rows of program, setting, time and errors, from the cases that are kept."""
 import numpy as np
 
-from . import limited
+from . import limited, plan
 from .case import KneeCase, SphereCase
+from .kept import NotMeasured
 from .limited import NotFinished
 from .motion import Scene
 from .own_runs import Program
 
-LIMIT_S = 200  # of processor time, for one run of a peer
-
-EDGES_M = (4e-3, 2.8e-3, 2e-3, 1.4e-3, 1e-3, 0.7e-3, 0.5e-3, 0.35e-3)
-GRIDS = (4, 6, 8, 12, 16, 20, 30, 45, 60, 90, 120)
-
 
 class Row:
-    """errors: name -> value, None where the program does not give it. note: why a run has no result."""
+    """errors: name -> value, None where the program does not give it. note: why a run has no result. fineness: of grid or mesh, in a family of settings
+    that differ in nothing else."""
 
-    def __init__(self, program, setting, time_s=None, errors=None, note="", **more):
+    def __init__(self, program, setting, time_s=None, errors=None, note="", fineness=0.0, family="", **more):
         self.program, self.setting, self.time_s, self.errors, self.note, self.more = program, setting, time_s, errors or {}, note, more
+        self.fineness, self.family = fineness, family
 
-    def to_json(self):
-        plain = lambda v: v if v is None or isinstance(v, (str, int)) else float(v)
-        return {"program": self.program, "setting": self.setting, "time_s": plain(self.time_s), "errors": {k: plain(v) for k, v in self.errors.items()},
-                "note": self.note, "more": {k: plain(v) for k, v in self.more.items()}}
-
-    @staticmethod
-    def from_json(given):
-        return Row(given["program"], given["setting"], given["time_s"], given["errors"], given["note"], **given["more"])
+    def fell(self):
+        """Through the layer: its thickness is some millimetres."""
+        return bool(self.time_s) and self.errors.get("pose", 0.0) > 10
 
 
-def number(value, digits=2):
-    return "–" if value is None else f"{value:.{digits}g}" if 1e-3 <= abs(value) < 10**digits else f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.1e}"
-
-
-def table(header, rows):
-    return ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)] + ["| " + " | ".join(str(c) for c in r) + " |" for r in rows] + [""]
-
-
-def cheapest(rows, program, error, level):
-    within = [r for r in rows if r.program == program and r.time_s is not None and r.errors.get(error) is not None and r.errors[error] <= level]
-    return min(within, key=lambda r: r.time_s, default=None)
-
-
-def equal_error(rows, error, levels, unit, scale):
-    """scale: of times, to ms. A line for each level: the cheapest setting of each program that is within it, and how often Genu's time."""
-    programs = list(dict.fromkeys(r.program for r in rows))
-    programs.remove("Genu")
-    header = [f"Error at most [{unit}]", "Genu [ms]"] + [x for p in programs for x in (f"{p} [ms]", f"{p} / Genu")]
-    lines = []
-    for level in levels:
-        own = cheapest(rows, "Genu", error, level)
-        line = [f"{level:g}", "none measured" if own is None else f"{number(scale * own.time_s, 3)} ({own.setting})"]
-        for p in programs:
-            peer = cheapest(rows, p, error, level)
-            if peer is None:
-                line += ["none measured", "–"]
-            else:
-                line += [f"{number(scale * peer.time_s, 3)} ({peer.setting})", "–" if own is None else f"**{number(peer.time_s / own.time_s)}**"]
-        lines.append(line)
-    return table(header, lines)
+def _kind(job):
+    """Fineness and family of a job's row."""
+    others = {k: v for k, v in job.options.items() if k not in ("edge_m", "grid")}
+    return {"fineness": 1 / job.edge_mm if job.edge_mm else job.options["grid"], "family": repr(sorted(others.items()))}
 
 
 def _errors_of_loads(loads, references, length_m):
@@ -72,60 +39,119 @@ def _errors_of_loads(loads, references, length_m):
             "area": rms(relative("area")), "peak": rms(relative("peak"))}
 
 
+def _extrapolated(coarse, fine):
+    """Richardson: what values on two meshes, (edge, values), tend to; their errors go with the square of the edge."""
+    (e1, a), (e2, b) = coarse, fine
+    return list(np.asarray(b) + np.subtract(b, a) / ((e1 / e2) ** 2 - 1))
+
+
+def _extrapolation(edges_mm):
+    return "extrapolated from {:g} and {:g} mm".format(*sorted(edges_mm)[1::-1])
+
+
 def _limit_of(measured):
-    """Richardson: what the forces of the two finest meshes, whose errors go with the square of the edge, tend to."""
+    """What the forces of the two finest meshes tend to."""
     (e1, a), (e2, b) = measured[-2:]
-    share = 1 / ((e1 / e2) ** 2 - 1)
-    extrapolate = lambda k: [list(np.asarray(y[k]) + share * np.subtract(y[k], x[k])) for x, y in zip(a["loads"], b["loads"])]
+    extrapolate = lambda k: [_extrapolated((e1, x[k]), (e2, y[k])) for x, y in zip(a["loads"], b["loads"])]
     return [{"force": f, "moment": m, "area": None, "peak": None} for f, m in zip(extrapolate("force"), extrapolate("moment"))]
 
 
 class Comparison:
-    """peers: those that run; a table says which did not."""
+    """Of one knee. kept: its cases; limit_s: of processor time, for one case."""
 
-    def __init__(self, genu, library, work, data, peers=("Drake", "OpenSim")):
-        self.peers = peers
+    def __init__(self, file, genu, library, work, data, kept, limit_s):
+        self.case, self.kept, self.limit_s = KneeCase(file), kept, limit_s
         self.program, self.library, self.work, self.data = Program(genu, data), str(library), work, data
-        self.versions = {}
+        self.scene = Scene(self.case, data)
+        self.versions, self.loads, self.dates = {}, [], []
 
-    def _job(self, task, name, limit_s=LIMIT_S, **arguments):
-        folder = self.work / name
-        got = limited.run(task, folder, limit_s, folder=str(folder), **arguments)
-        self.versions[task.split(":")[1].split("_")[0]] = got.pop("version")
+    def _note(self, job):
+        record = self.kept.last(job)
+        self.loads.append(record["load"])
+        self.dates.append(record["date"])
+
+    def _peer(self, job, paths, **given):
+        """What a task of this package returned. paths: arguments that name files, on which no result depends."""
+        arguments = job.options | given
+        folder = self.work / job.name
+
+        def measure(limit_s, tick):
+            return limited.run(job.task, folder, limit_s, tick, **({} if job.peer() == "Genu" else {"folder": str(folder)}), **paths, **arguments)
+
+        got = self.kept.get(job, self.limit_s, arguments, measure)
+        self.versions[job.peer()] = got["version"]
+        self._note(job)
         return got
+
+    def _genu(self, job, command, scene_file, **given):
+        """A run of the program genu; given: what its scene depends on."""
+        names = [n for n, _, _, _ in self.case.compartments]
+        output, repeats = self.work / job.name, job.options.get("repeats", 1)
+
+        def measure(limit_s, tick):
+            if command == "static":
+                return self.program.static(scene_file(), output, job.options["grid"], repeats)
+            return self.program.gait(scene_file(), output, job.options["grid"], names, repeats)
+
+        got = self.kept.get(job, self.limit_s, job.options | given, measure)
+        self._note(job)
+        return got
+
+    def _rows(self, jobs, row):
+        """row(job) for every job that makes one; a case without a result makes one that says why."""
+        rows = []
+        for job in jobs:
+            try:
+                made = row(job)
+            except NotFinished as reason:
+                made = Row(job.program, job.setting, note=str(reason))
+            except NotMeasured as reason:
+                made = Row(job.program, job.setting, note=str(reason))
+            if made is not None and job.role != "start":
+                rows.append(made)
+        order = ("Genu", "Drake", "Drake half space", "OpenSim")
+        return sorted(rows, key=lambda r: order.index(r.program))
+
+    def _reference_gait(self):
+        job = plan.reference()
+        damping = self.case.gait_damping()
+        return self._genu(job, "gait", lambda: self.case.write_scene(self.work / "reference.yaml", **damping, gait=job.options["analysis"]), **damping)
 
     # ---- one evaluation ----
 
-    def _evaluations(self, given, case, poses, own_limits, edges, halves=()):
+    def _evaluations(self, jobs, given, case, poses, own_limits):
         """Rows with the errors force, moment, area, peak against Genu's converged load or the closed form, and own: of the force against what
         the program itself tends to. own_limits: program -> loads, or None: from its two finest meshes."""
-        got = limited.run("measure:genu", self.work / "genu", 10 * LIMIT_S, case=given, library=self.library, grids=list(GRIDS) + [240], poses=poses)
-        self.versions["genu"] = got["version"]
-        reference = own_limits["reference"] if own_limits else got["rows"][-1]["loads"]
-        rows = []
-        for r in got["rows"][:-1]:
-            errors = _errors_of_loads(r["loads"], reference, case.length_m)
-            errors["own"] = errors["force"]
-            rows.append(Row("Genu", r["setting"], r["time_s"], errors, size=r["size"], build_s=r["build_s"]))
-        runs = [("Drake", "measure:drake", {})] + list(halves) + [("OpenSim", "measure:opensim", {})]
-        for program, task, options in runs:
-            if program.split()[0] not in self.peers:
-                continue
-            measured = []
-            for edge in edges:
-                try:
-                    measured.append((edge, self._job(task, f"{program}_{1e3 * edge:g}".replace(" ", "_"), case=given, edge_m=edge, poses=poses, **options)))
-                except NotFinished as reason:
-                    rows.append(Row(program, f"{1e3 * edge:g} mm", note=str(reason)))
-            limit = own_limits[program] if own_limits else _limit_of(measured)
-            for edge, r in measured:
+        rows, measured = [], {}
+        reference = own_limits["reference"] if own_limits else None
+
+        def row(job):
+            nonlocal reference
+            if job.program == "Genu":
+                got = self._peer(job, {"library": self.library, "case": given}, poses=poses)
+                reference = reference or got["rows"][-1]["loads"]
+                for r in got["rows"][:-1]:
+                    errors = _errors_of_loads(r["loads"], reference, case.length_m)
+                    errors["own"] = errors["force"]
+                    rows.append(Row("Genu", r["setting"], r["time_s"], errors, fineness=r["size"], size=r["size"], build_s=r["build_s"]))
+                return None
+            measured.setdefault(job.program, []).append((job, self._peer(job, {"case": given}, poses=poses)))
+            return None
+
+        stopped = self._rows(jobs, row)
+        if reference is None:
+            return []
+        for program, of_program in measured.items():
+            limit = own_limits[program] if own_limits else _limit_of([(job.edge_mm, r) for job, r in of_program]) if len(of_program) > 1 else None
+            for job, r in of_program:
                 errors = _errors_of_loads(r["loads"], reference, case.length_m)
-                errors["own"] = _errors_of_loads(r["loads"], limit, case.length_m)["force"]
-                rows.append(Row(program, f"{1e3 * edge:g} mm", r["time_s"], errors, size=r["size"], build_s=r["build_s"]))
-            if not own_limits:
+                errors["own"] = _errors_of_loads(r["loads"], limit, case.length_m)["force"] if limit else None
+                rows.append(Row(program, job.setting, r["time_s"], errors, **_kind(job), size=r["size"], build_s=r["build_s"], memory_MB=r["memory_MB"]))
+            rows += [r for r in stopped if r.program == program]
+            if limit and not own_limits:
                 differ = _errors_of_loads(limit, reference, case.length_m)
-                rows.append(Row(program, "limit", None, {k: differ[k] for k in ("force", "moment")}, note="extrapolated"))
-        return rows
+                rows.append(Row(program, "limit", None, {k: differ[k] for k in ("force", "moment")}, note=_extrapolation(job.edge_mm for job, _ in of_program)))
+        return rows + [r for r in stopped if r.program not in measured]
 
     def sphere(self):
         case = SphereCase()
@@ -137,129 +163,91 @@ class Comparison:
                      "peak": case.K_Pa * case.depth_m / case.h_m} for p in poses]
 
         limits = {"reference": loads("midsurface"), "Drake": loads("vertical"), "Drake half space": loads("vertical"), "OpenSim": loads("both meshes")}
-        rows = self._evaluations("sphere", case, poses, limits, EDGES_M, [("Drake half space", "measure:drake", {"half_space": True})])
-        forces = {p: case.closed_form(law) for p, law in (("Genu", "midsurface"), ("Drake", "vertical"), ("OpenSim", "both meshes"))}
-        return rows, forces
+        return {"rows": self._evaluations(plan.sphere(), "sphere", case, poses, limits),
+                "forces": {p: case.closed_form(law) for p, law in (("Genu", "midsurface"), ("Drake", "vertical"), ("OpenSim", "both meshes"))}}
 
-    def contact(self, file):
-        case = KneeCase(file)
-        reference = self._gait_reference(case)
-        scene = Scene(case, self.data)
-        k = round(100 * scene.time_of_largest_force() / scene.cycle_s)
+    def contact(self):
+        reference = self._reference_gait()
+        k = round(100 * self.scene.time_of_largest_force() / self.scene.cycle_s)
         poses = [reference["poses"][i] for i in [k] + [i for i in range(5, 100, 10) if i != k]]
-        edges = EDGES_M[1:]
-        return self._evaluations(str(file), case, poses, None, edges)
+        return {"rows": self._evaluations(plan.contact(), str(self.case.file), self.case, poses, None)}
 
     # ---- settle ----
 
-    def _scene(self, case, name, start=None, **analysis):
-        return case.write_scene(self.work / f"{case.name}_{name}.yaml", start=start, **analysis)
-
-    def settle(self, file):
-        case = KneeCase(file)
-        scene = Scene(case, self.data)
-        t = scene.time_of_largest_force()
-        plain = self._scene(case, "settle", static={"time": f"{t:.12g} s"})
-        reference = self.program.static(plain, self.work / "settle_reference", 240)["pose"]
-        local = case.write_scene(self.work / f"{case.name}_local.yaml", local_thickness=True, static={"time": f"{t:.12g} s"})
-        self.local_mm = self._pose_errors(self.program.static(local, self.work / "settle_local", 240)["pose"], reference, case)
+    def settle(self):
+        case, t = self.case, self.scene.time_of_largest_force()
+        at = {"static": {"time": f"{t:.12g} s"}}
+        jobs = plan.settle()
+        first, local, uncorrected = (next(j for j in jobs if j.role == role) for role in ("reference", "local", "uncorrected"))
+        reference = self._genu(first, "static", lambda: case.write_scene(self.work / "settle.yaml", **at))["pose"]
+        moved = self._genu(local, "static", lambda: case.write_scene(self.work / "settle_local.yaml", local_thickness=True, **at))["pose"]
         start = {"rx": 0.0, "y": reference[4] + 1e-3, "z": 0.0}
-        from_start = self._scene(case, "settle_from", start=start, static={"time": f"{t:.12g} s"})
-        rows = []
-        for grid in (4, 6, 8, 12, 16, 30, 60):
-            try:
-                r = self.program.static(from_start, self.work / "settle", grid, repeats=10)
-                rows.append(Row("Genu", f"{grid} x {grid}", r["time_s"], self._pose_errors(r["pose"], reference, case), steps=f"{r['evaluations']} evaluations"))
-            except NotFinished as reason:
-                rows.append(Row("Genu", f"{grid} x {grid}", note=str(reason)))
-        for edge in EDGES_M[1:-1]:
-            for step in (0.001, 0.002):
-                self._settle_row(rows, "Drake", f"{1e3 * edge:g} mm, {1e3 * step:g} ms", "motion:drake_settle", reference, case, edge_m=edge, step_s=step,
-                                 file=str(file), t=t, start=start)
-        for edge in EDGES_M[1:4]:
-            self._settle_row(rows, "OpenSim", f"{1e3 * edge:g} mm, 1e-4", "motion:opensim_settle", reference, case, edge_m=edge, accuracy=1e-4,
-                             file=str(file), t=t, start=start)
-        return rows
 
-    def _settle_row(self, rows, program, setting, task, reference, case, **arguments):
-        if program not in self.peers:
-            return
-        try:
-            r = self._job(task, f"settle_{program}", data=str(self.data) if self.data else None, **arguments)
-            steps = f"{r['steps']} steps" if "steps" in r else f"{r['simulated_s']:.2g} s simulated"
-            rows.append(Row(program, setting, r["time_s"], self._pose_errors(r["pose"], reference, case), steps=steps,
-                            residual_N=max(abs(x) for x in r["residual_N"])))
-        except NotFinished as reason:
-            rows.append(Row(program, setting, note=str(reason)))
+        def plain(job):
+            pose = self._genu(job, "static", lambda: case.write_scene(self.work / "settle_uncorrected.yaml", correction="none", **at))["pose"]
+            return Row("Genu", "limit, correction: none", None, self._pose_errors(pose, reference), note="240 x 240")
 
-    @staticmethod
-    def _pose_errors(pose, reference, case):
+        uncorrected_rows = self._rows([uncorrected], plain)
+        poses = {}  # program -> edge -> pose
+
+        def row(job):
+            if job.program == "Genu":
+                r = self._genu(job, "static", lambda: case.write_scene(self.work / "settle_from.yaml", start=start, **at), start=start)
+                made = Row("Genu", job.setting, r["time_s"], self._pose_errors(r["pose"], reference), **_kind(job), work=f"{r['evaluations']} evaluations")
+                made.errors["own"] = made.errors["pose"]
+                return made
+            r = self._peer(job, self._files(), t=t, start=start)
+            poses.setdefault(job.program, {})[job.edge_mm] = r["pose"]
+            work = f"{r['steps']} steps" if "steps" in r else f"{r['simulated_s']:.2g} s simulated"
+            made = Row(job.program, job.setting, r["time_s"], self._pose_errors(r["pose"], reference), **_kind(job), work=work,
+                       residual_N=max(abs(x) for x in r["residual_N"]), memory_MB=r["memory_MB"])
+            made.pose = r["pose"]
+            return made
+
+        rows = self._rows([j for j in jobs if j.role == "row"], row)
+        for program, by_edge in poses.items():
+            if len(by_edge) < 2:
+                continue
+            limit = _extrapolated(*sorted(by_edge.items(), reverse=True)[-2:])
+            for r in rows:
+                if r.program == program and r.time_s:
+                    r.errors["own"] = self._pose_errors(r.pose, limit)["pose"]
+            rows.append(Row(program, "limit", None, self._pose_errors(limit, reference), note=_extrapolation(by_edge)))
+        return {"rows": rows + uncorrected_rows, "local_mm": self._pose_errors(moved, reference)}
+
+    def _files(self):
+        return {"file": str(self.case.file), "data": str(self.data) if self.data else None}
+
+    def _pose_errors(self, pose, reference):
         """Of y, z and rx [mm], angles times length_m; the largest is the pose's."""
         d = np.abs(np.subtract(pose, reference)) * 1e3
-        errors = {"y": d[4], "z": d[5], "rx": d[0] * case.length_m}
+        errors = {"y": d[4], "z": d[5], "rx": d[0] * self.case.length_m}
         return dict(errors, pose=max(errors.values()))
 
     # ---- gait ----
 
-    def _gait_reference(self, case):
-        scene = self._scene(case, "reference", gait={"accuracy": 1e-6})
-        return self.program.gait(scene, self.work / "gait_reference", 120, [n for n, _, _, _ in case.compartments])
-
-    def gait(self, file):
-        case = KneeCase(file)
-        names = [n for n, _, _, _ in case.compartments]
-        reference = self._gait_reference(case)
-        rows = []
-
-        def errors(poses, forces):
-            d = np.abs(np.subtract(poses, reference["poses"]))[:, [4, 5, 0]] * [1e3, 1e3, 1e3 * case.length_m]
-            got = dict(zip(("y", "z", "rx"), d.max(axis=0)))
-            return dict(got, pose=float(d.max()), force=float(np.abs(np.subtract(forces, reference["forces"])).max()))
-
-        settings = [("cpodes", {"accuracy": 1e-4}, g) for g in (8, 12, 16, 30)] + [("cpodes", {"accuracy": 1e-5}, 30), ("cpodes", {"accuracy": 1e-3}, 12)]
-        settings += [("generalized-alpha", {"step": f"{s} ms"}, g) for s in (1, 2, 5) for g in (8, 15)]
-        for integrator, options, grid in settings:
-            setting = f"{integrator} {next(iter(options.values()))}, {grid} x {grid}"
-            try:
-                scene = self._scene(case, "gait", gait=dict(options, integrator=integrator))
-                r = self.program.gait(scene, self.work / "gait", grid, names, repeats=3)
-                rows.append(Row("Genu", setting, r["time_s"], errors(r["poses"], r["forces"]), steps=r["steps"]))
-            except NotFinished as reason:
-                rows.append(Row("Genu", setting, note=str(reason)))
+    def gait(self):
+        case, reference = self.case, self._reference_gait()
         first = reference["poses"][0]
         above = {"rx": first[0], "y": first[4] + 1e-3, "z": first[5]}
-        common = {"file": str(file), "data": str(self.data) if self.data else None, "rates": reference["rates"]}
-        steps = {2.8e-3: (0.005,), 2e-3: (0.01, 0.005, 0.002), 1.4e-3: (0.005, 0.002), 1e-3: (0.005, 0.002, 0.001), 0.7e-3: (0.002,)}
-        drake = {edge: [{"step_s": s} for s in of_edge] for edge, of_edge in steps.items()}
-        drake[2e-3] += [{"scheme": "cenic", "accuracy": 1e-3, "longest_step_s": 0.001}]
-        drake[2.8e-3] += [{"scheme": "implicit_euler", "accuracy": 1e-3, "longest_step_s": 0.01, "limit_s": 20}]
-        for edge, settings in drake.items():
-            self._gait_rows(rows, "Drake", "motion:drake_gait", edge, settings, errors, above, {"step_s": 0.001}, common)
-        merson = {"accuracy": 1e-3}
-        for edge, settings in ((4e-3, [merson, {"accuracy": 1e-4, "method": "CPodes", "limit_s": 20}]), (2.8e-3, [merson]), (2e-3, [merson])):
-            self._gait_rows(rows, "OpenSim", "motion:opensim_gait", edge, settings, errors, above, {"accuracy": 1e-4}, common)
-        return rows
+        starts, damping = {}, case.gait_damping()
 
-    def _gait_rows(self, rows, program, task, edge, settings, errors, above, settle, common):
-        """Each starts from the program's own equilibrium on the same mesh: the start makes no vibration."""
-        if program not in self.peers:
-            return
-        try:
-            rest = self._job(task.replace("gait", "settle"), f"gait_{program}", file=common["file"], data=common["data"], edge_m=edge, t=0.0, start=above,
-                             **settle)
-        except NotFinished as reason:
-            rows.append(Row(program, f"{1e3 * edge:g} mm", note=f"start: {reason}"))
-            return
-        start = {"rx": rest["pose"][0], "y": rest["pose"][4], "z": rest["pose"][5]}
-        for options in settings:
-            if options.get("step_s"):
-                text = f"{1e3 * options['step_s']:g} ms"
-            else:
-                text = f"{options.get('scheme') or options.get('method', 'RKM')} {options['accuracy']:g}"
-            setting = f"{1e3 * edge:g} mm, {text}"
-            try:
-                r = self._job(task, f"gait_{program}", edge_m=edge, start=start, **common, **options)
-                rows.append(Row(program, setting, r["time_s"], errors(r["poses"], r["forces"]), steps=r.get("steps"), follow_mm=1e3 * r["follow_m"]))
-            except NotFinished as reason:
-                rows.append(Row(program, setting, note=str(reason)))
-            print(f"  {program}, {setting}: {number(rows[-1].time_s)} s, {number(rows[-1].errors.get('pose'))} mm {rows[-1].note}", flush=True)
+        def errors(r):
+            d = np.abs(np.subtract(r["poses"], reference["poses"]))[:, [4, 5, 0]] * [1e3, 1e3, 1e3 * case.length_m]
+            got = dict(zip(("y", "z", "rx"), d.max(axis=0)))
+            return dict(got, pose=float(d.max()), force=float(np.abs(np.subtract(r["forces"], reference["forces"])).max()))
+
+        def row(job):
+            if job.program == "Genu":
+                r = self._genu(job, "gait", lambda: case.write_scene(self.work / "gait.yaml", **damping, gait=job.options["analysis"]), **damping)
+                return Row("Genu", job.setting, r["time_s"], errors(r), **_kind(job), steps=r["steps"])
+            if job.role == "start":
+                starts[job.program, job.edge_mm] = self._peer(job, self._files(), t=0.0, start=above)["pose"]
+                return None
+            if (job.program, job.edge_mm) not in starts:
+                raise NotMeasured("not measured, or no equilibrium to start from")
+            pose = starts[job.program, job.edge_mm]
+            r = self._peer(job, self._files(), start={"rx": pose[0], "y": pose[4], "z": pose[5]}, rates=reference["rates"], **damping)
+            return Row(job.program, job.setting, r["time_s"], errors(r), **_kind(job), steps=r.get("steps"), follow_mm=1e3 * r["follow_m"], memory_MB=r["memory_MB"])
+
+        return {"rows": self._rows(plan.gait(), row)}
