@@ -1,6 +1,7 @@
 #include "QuietStart.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <optional>
 
@@ -15,13 +16,13 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kStep_s = 1e-3, kMostCorrection_m = 1e-4;
+constexpr double kStep_s = 1e-3, kShortest_s = 2e-5, kMostCorrection_m = 1e-4;
 constexpr int kPoses = 4;
 
-/** Newton from the equilibrium of a little earlier; so exact that second differences over kStep_s keep four digits of a gait's accelerations. */
+/** Newton from the equilibrium of a little earlier; so exact that second differences over kShortest_s still have two digits of 1 m/s^2. */
 std::optional<VectorXd> follow(const KneeSystem& knee, const SimTK::State& defaultState, double time_s, VectorXd z) {
   constexpr int kMaxIterations = 8;
-  constexpr double kConverged_m = 1e-11;
+  constexpr double kConverged_m = 1e-12;
   ReducedDynamics dynamics(knee, defaultState, time_s);
   VectorXd r;
   MatrixXd K;
@@ -54,22 +55,24 @@ std::optional<VectorXd> findCorrection(KneeOde& ode, const ReducedDynamics& scal
 
 QuietStart findQuietStart(const KneeSystem& knee, const SimTK::State& defaultState, const scene::Coordinates& q) {
   const QuietStart plain = {q, calcEquilibriumRates(knee, defaultState, q, 0)};
+  // All poses lie before the first kink or jump of an input.
+  double h = kStep_s;
   for (const KneeSystem::InputBreak& entry : knee.listInputBreaks()) {
-    if (entry.time_s > 0 && entry.time_s < kPoses * kStep_s) return plain;
+    if (entry.time_s > 0) h = std::min(h, entry.time_s / kPoses);
   }
+  if (h < kShortest_s) return plain;
   KneeOde ode(knee, defaultState, OdeTolerances::of(1e-4), KneeOde::Prescribed::eliminated);
   const ReducedDynamics now(knee, defaultState, 0);
   if (now.numFree() == 0 || !ode.hasJacobian()) return plain;
   std::array<VectorXd, kPoses> z;
   const VectorXd rate = now.scaled(plain.qdot);
   for (int k = 0; k < kPoses; ++k) {
-    const VectorXd guess = k == 0 ? now.scaled(q) : VectorXd(z[static_cast<size_t>(k - 1)] + kStep_s * rate);
-    const std::optional<VectorXd> found = follow(knee, defaultState, k * kStep_s, guess);
+    const VectorXd guess = k == 0 ? now.scaled(q) : VectorXd(z[static_cast<size_t>(k - 1)] + h * rate);
+    const std::optional<VectorXd> found = follow(knee, defaultState, k * h, guess);
     if (!found) return plain;
     z[static_cast<size_t>(k)] = *found;
   }
   // Differences of second order (the first rate: third) at t = 0 and one step later.
-  const double h = kStep_s;
   const VectorXd v0 = (-11 * z[0] + 18 * z[1] - 9 * z[2] + 2 * z[3]) / (6 * h), v1 = (z[2] - z[0]) / (2 * h);
   const VectorXd a0 = (2 * z[0] - 5 * z[1] + 4 * z[2] - z[3]) / (h * h), a1 = (z[0] - 2 * z[1] + z[2]) / (h * h);
   const std::optional<VectorXd> c0 = findCorrection(ode, now, 0, z[0], v0, a0), c1 = findCorrection(ode, now, h, z[1], v1, a1);

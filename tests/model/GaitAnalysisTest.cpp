@@ -113,6 +113,43 @@ TEST(GaitAnalysis, SphereVibratesWithTheContactStiffness) {
   }
 }
 
+/** The start follows the equilibrium without ringing: its acceleration is that of the path z_e of the equilibrium, y'' = z_e'' (1 + O((W/w)^2)), W the load's and
+ w the contact's angular frequency; a start in the equilibrium itself would swing between none and twice that. Here (W/w)^2 < 0.005; second differences of z_e
+ over the 0.5 ms of the output add (W h)^2 / 12 < 1e-4. */
+TEST(GaitAnalysis, StartsWithoutRinging) {
+  const TemporaryFile urdf("knee.urdf", kneeUrdf(3.0));
+  scene::Scene scene = sphereScene(urdf.path());
+  scene::TimeSeries load;
+  load.source = "load";
+  const double frequency = 2 * contact::kPi * 15;
+  for (int i = 0; i <= 60; ++i) {
+    load.time_s.push_back(1e-3 * i);
+    load.value.push_back(-1000 - 300 * std::cos(frequency * load.time_s.back()));
+  }
+  scene.loads.push_back(verticalLoad(load));
+  scene::GaitSpec& gait = scene.gait.emplace();
+  gait.duration_s = 0.02;
+  gait.outputInterval_s = 5e-4;
+  gait.accuracy = 1e-7;
+  const GaitResult result = runGait(scene);
+  ASSERT_TRUE(result.complete) << result.statusText;
+  std::vector<double> equilibrium;
+  for (const scene::Frame& frame : result.frames) {
+    scene.staticAnalysis.emplace();
+    scene.staticAnalysis->time_s = frame.time_s;
+    scene.staticAnalysis->maxResidual_N = 1e-6;
+    equilibrium.push_back(runStatic(scene).q[y]);
+  }
+  double largest = 0, worst = 0;
+  for (size_t i = 1; i + 1 < equilibrium.size(); ++i) {
+    const double path = (equilibrium[i - 1] - 2 * equilibrium[i] + equilibrium[i + 1]) / (gait.outputInterval_s * gait.outputInterval_s);
+    largest = std::max(largest, std::abs(path));
+    worst = std::max(worst, std::abs(result.frames[i].qddot[y] - path));
+  }
+  EXPECT_GT(largest, 0.1);  // [m/s^2]: the residual of the equilibria, 1e-6 N / 1e7 N/m over (0.5 ms)^2, is 4e-7 of it
+  EXPECT_LT(worst, 0.02 * largest);
+}
+
 TEST(GaitAnalysis, PrescribedCoordinatesFollowTheirCurves) {
   const TemporaryFile urdf("prescribed.urdf", kneeUrdf());
   const scene::Scene scene = shortGait(urdf.path());

@@ -129,6 +129,26 @@ INSTANTIATE_TEST_SUITE_P(SeparatedAndTilted, KneeStarts,
                                            Start{8 * kDegree, 45e-3, 0}, Start{-8 * kDegree, 45e-3, 2e-3},
                                            Start{3 * kDegree, 40e-3, -3e-3}, Start{-5 * kDegree, 42e-3, 3e-3}));
 
+/** Along lines a gap is closed at once, however long: no evaluation of contact far away, one where it touches, and then Newton's. */
+TEST(StaticAnalysis, LongGapsCostNoMoreThanShortOnes) {
+  const TemporaryFile urdf("knee.urdf", kneeUrdf());
+  std::vector<long> evaluations;
+  std::vector<double> heights;
+  for (const double gap_m : {1e-3, 8e-3, 0.3}) {
+    scene::Scene scene = sphereScene(urdf.path());
+    scene.loads.push_back(verticalLoad(-1000.0));
+    scene.model->coordinates[y] = scene::FreeCoordinate{36e-3 + gap_m};
+    const StaticResult result = runStatic(scene);
+    ASSERT_EQ(result.status, StaticResult::Status::converged) << result.statusText;
+    evaluations.push_back(result.contactEvaluations);
+    heights.push_back(result.q[y]);
+  }
+  for (size_t i = 1; i < heights.size(); ++i) {
+    EXPECT_NEAR(evaluations[i], evaluations[0], 2);
+    EXPECT_NEAR(heights[i], heights[0], 1e-9);
+  }
+}
+
 TEST(StaticAnalysis, StartPushedThroughIsLifted) {
   const TemporaryFile urdf("through.urdf", kneeUrdf());
   scene::Scene scene = kneeScene(urdf.path(), 20);
