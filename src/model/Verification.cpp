@@ -75,6 +75,7 @@ scene::Scene apply(const scene::Scene& given, const VerifySetting& setting) {
     if (setting.accuracy > 0) scene.gait->accuracy = setting.accuracy;
     scene.gait->step_s = setting.step_s;
     scene.gait->maxOrder = 0;
+    scene.gait->errorEstimate = false;
     scene.gait->prescribed = setting.constraints ? scene::GaitSpec::Prescribed::constraints : scene::GaitSpec::Prescribed::automatic;
   }
   return scene;
