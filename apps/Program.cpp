@@ -95,7 +95,7 @@ int run(int argc, char** argv) {
   command->add_flag("--keep-failed", runOptions.keepFailed,
                     "Write what was computed before a failure, marked incomplete");
   command->add_flag("--error-estimate", runOptions.errorEstimate,
-                    "Run a second time with a tenth of the tolerances, or half the fixed step, and say what the integration errs by: two to three times the time");
+                    "Run a second time with a tenth of the tolerances (a fixed step: with the standard integrator) and say what the integration errs by: three to five times the time");
   addCommonOptions(*command, common);
   command->footer(std::string("\nExamples:\n  genu gait models/artificial_knee/gait.yaml --output gait\n"
                               "  genu gait my_knee.yaml --reference measured.csv --progress\n"

@@ -21,7 +21,8 @@ bool ErrorGrowth::updateJacobian(double t, const std::vector<double>& y) {
   const double force_N = ode_.calcScalarForce_N();
   const int touching = ode_.countTouching();
   const bool fresh = ode_.takeJacobian(values_);
-  const bool changed = jacobian_.size() == 0 || touching != touching_ || std::abs(force_N - force_N_) > 0.25 * force_N_ || ++age_ >= kMostSteps;
+  supplied_ = supplied_ || fresh;
+  const bool changed = jacobian_.size() == 0 || touching != touching_ || (!supplied_ && (std::abs(force_N - force_N_) > 0.25 * force_N_ || ++age_ >= kMostSteps));
   if (!fresh && !changed) return true;
   if (!fresh) {
     values_.resize(static_cast<size_t>(size_ * size_));

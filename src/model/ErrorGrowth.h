@@ -17,8 +17,8 @@ namespace genu::model {
  steps, and is counted in their d_n.
  The error of the forces is that of the generalized forces on the free coordinates, M (J e)_u with moments divided by kAngleLength_m, the largest of them.
 
- Linear: errors of the size of the motion itself are told by their order only. J is the integrator's where it makes one, otherwise an evaluation with the exact stiffness wherever the
- contact force has changed by a quarter or a compartment has touched or left, and every kMostSteps steps. */
+ Linear: errors of the size of the motion itself are told by their order only. J is the integrator's where it makes them, otherwise an evaluation with the exact stiffness wherever the
+ contact force has changed by a quarter, and every kMostSteps steps; of any integrator where a compartment has touched or left. */
 class ErrorGrowth {
  public:
   explicit ErrorGrowth(KneeOde& ode);
@@ -46,7 +46,7 @@ class ErrorGrowth {
   std::vector<double> values_;
   double force_N_ = -1;
   int age_ = 0, touching_ = -1;
-  bool first_ = true;
+  bool first_ = true, supplied_ = false;  // supplied_: the integrator makes Jacobians
   double pose_m_ = 0, errorSum_ = 0, forceSum_ = 0;
 };
 

@@ -357,7 +357,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
     }
   }
 
-  // The whole of the progress is both runs. The plan tells what the second costs; the step of the first is not known yet and does not matter to it.
+  // The whole of the progress is both runs.
   const double secondCost = gait.errorEstimate ? planSecondRun(gait, gait.step_s).cost : 0;
   double done = 0, share = 1 / (1 + secondCost);
   const scene::Progress part = [&](double of) { return !progress || progress(done + share * of); };
@@ -388,7 +388,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   try {
     done = share;
     share = 1 - done;
-    integrate(knee, method, plan.gait, state, start, part, second);
+    integrate(knee, chooseMethod(scene, plan.gait), plan.gait, state, start, part, second);
     if (!second.complete) problem = "the second run, " + plan.description + ", " + second.statusText;
   } catch (const ComputationError& error) {
     problem = "the second run, " + plan.description + ": " + error.what();

@@ -6,12 +6,14 @@
 
 #include "RunComparison.h"
 #include "genu/model/EnergyBalance.h"
+#include "genu/model/OdeIntegrator.h"
 
 namespace genu::model {
 
 namespace {
 
-constexpr double kTighter = 0.1, kShorter = 0.5;  // tolerances and fixed steps of the second run over those of the first
+constexpr double kTighter = 0.1;          // tolerances of the second run over those of the first
+constexpr double kSecondAccuracy = 1e-6;  // beside a fixed step
 
 std::string describe(const char* errs, double pose_m, double force, const scene::GaitSpec& gait, double fixedStep_s) {
   const double beyond = std::max(pose_m / kToleratedPoseError_m, force / kToleratedForceError);
@@ -38,18 +40,21 @@ SecondRun planSecondRun(const scene::GaitSpec& gait, double fixedStep_s) {
   plan.gait = gait;
   std::ostringstream text;
   text.precision(4);
+  plan.factor = 1 / (1 - std::sqrt(kTighter));
   if (fixedStep_s > 0) {
-    plan.gait.step_s = kShorter * fixedStep_s;
-    plan.factor = 1 / (1 - kShorter);
-    plan.cost = 1 / kShorter;
-    text << "step: " << 1e3 * plan.gait.step_s << " ms";
+    plan.gait.integrator = chooseIntegrator("");
+    plan.gait.accuracy = kSecondAccuracy;
+    plan.gait.tolerances = {};
+    plan.gait.step_s = 0;
+    plan.gait.maxOrder = 0;
+    plan.cost = 4;
+    text << plan.gait.integrator << ", accuracy: " << plan.gait.accuracy;
   } else {
     plan.gait.accuracy *= kTighter;
     auto& t = plan.gait.tolerances;
     for (auto* value : {&t.translation_m, &t.angle_rad, &t.speed_mPerS, &t.angularSpeed_radPerS}) {
       if (*value) **value *= kTighter;
     }
-    plan.factor = 1 / (1 - std::sqrt(kTighter));
     plan.cost = std::pow(kTighter, -1.0 / 3);  // steps of second order, which the standard integrator takes
     text << "accuracy: " << plan.gait.accuracy;
     if (t.translation_m || t.angle_rad || t.speed_mPerS || t.angularSpeed_radPerS) text << " and a tenth of each tolerance";

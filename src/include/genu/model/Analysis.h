@@ -74,13 +74,13 @@ struct StaticResult {
  @throws ComputationError contact is never made (in a scene without force elements), or full penetration */
 StaticResult runStatic(const scene::Scene& scene, const scene::Progress& progress = {});
 
-/** What the integration of a gait errs by, estimated from a second run whose steps are tighter: tolerances a tenth, or half of a fixed step.
+/** What the integration of a gait errs by, estimated from a second run: a tenth of all tolerances, or beside a fixed step the standard integrator with an accuracy of 1e-6.
 
-   error = |first run - second run| / (1 - r^a)
+   error = |first run - second run| / (1 - sqrt(0.1))
 
- r = 1/10, a = 1/2: what is kept is the error of a step, which grows as h^(p+1), while that of the run grows as h^p, so as tolerance^(p/(p+1)); of a fixed step r = 1/2,
- a = p. p = 1, the lowest order that any integrator works at: one of higher order errs by less than estimated, at most by 1.46 and by 2. Where the error is too
- large for an order to show, the phase of a vibration lost, the difference is of its size.
+ What tolerances keep is the error of a step, which grows as h^(p+1), while that of the run grows as h^p, so as tolerance^(p/(p+1)): the root at the lowest order, 1, that any integrator
+ works at, and up to 1.46 times too much of one of higher order. Half of a fixed step would not show what methods of that kind take from a vibration, whatever the step. Where the error is too large for an order
+ to show, the phase of a vibration lost, the difference is of its size.
  Errors of grid, surfaces and law are in both runs and no part of it. */
 struct GaitErrorEstimate {
   struct Value {
@@ -91,8 +91,8 @@ struct GaitErrorEstimate {
   };
   bool complete = false;
   std::string statusText;          ///< "complete", or why there is none: the second run failed or was interrupted
-  std::string second;              ///< what the second run had: "accuracy: 1e-05", "step: 1 ms"
-  double factor = 1;               ///< 1 / (1 - r^a)
+  std::string second;              ///< what the second run had: "accuracy: 1e-05", "cvode-bdf, accuracy: 1e-06"
+  double factor = 1;               ///< of the differences
   std::vector<Value> coordinates;  ///< of each coordinate of the scene, rad or m
   std::vector<Load> loads;         ///< of each compartment, pair by pair: scalar force, peak pressure
   double pose_m = 0;               ///< largest of a free coordinate, angles times kAngleLength_m, those of a floating joint as one rotation
