@@ -33,6 +33,7 @@ struct RunOptions {
   std::string side = "right";
   bool noMaps = false, noPlots = false, keepFailed = false;
   bool noErrorEstimate = false;  ///< replay
+  bool errorEstimate = false;    ///< gait: as with `error_estimate: true` in the scene
   int threads = 1;               ///< 0: all of the machine
 };
 

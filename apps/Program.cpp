@@ -94,9 +94,12 @@ int run(int argc, char** argv) {
   addRunOptions(*command, runOptions, "results/SCENE-gait", "Elements of every compartment instead of the scene's");
   command->add_flag("--keep-failed", runOptions.keepFailed,
                     "Write what was computed before a failure, marked incomplete");
+  command->add_flag("--error-estimate", runOptions.errorEstimate,
+                    "Run a second time with a tenth of the tolerances (a fixed step: with the standard integrator) and say what the integration errs by: three to five times the time");
   addCommonOptions(*command, common);
   command->footer(std::string("\nExamples:\n  genu gait models/artificial_knee/gait.yaml --output gait\n"
-                              "  genu gait my_knee.yaml --reference measured.csv --progress\n\n"
+                              "  genu gait my_knee.yaml --reference measured.csv --progress\n"
+                              "  genu gait my_knee.yaml --error-estimate\n\n"
                               "Ctrl-C stops the run; what was computed so far is written and marked incomplete.\n") +
                   kExitCodes);
   actions[command] = [&] { return runGaitCommand(runOptions, common); };

@@ -56,6 +56,10 @@ Prepared prepare(const std::string& analysis, const RunOptions& options, const C
   if (analysis == "series" && !run.scene.series) {
     throw InputError(run.scene.where("analysis.series") + ": is missing; write \"series: {duration: 1 s, output_interval: 0.05 s}\" below \"analysis:\"");
   }
+  if (options.errorEstimate) {
+    if (!run.scene.gait) run.scene.gait.emplace();
+    run.scene.gait->errorEstimate = true;
+  }
   const fs::path folder = chooseOutput(options, fs::path("results") / (options.scene.stem().string() + "-" + analysis));
   report::OutputFolder::check(folder);
   run.info = makeInfo(analysis, folder, run.scene, options, common);
@@ -115,7 +119,7 @@ std::string formatElements(const scene::Scene& scene, const scene::Trajectory& t
 
 /** Writes the results and prints the table. */
 int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const report::RunInfo& info,
-           const RunOptions& options, const CommonOptions& common) {
+           const RunOptions& options, const CommonOptions& common, const std::string& moreTable = {}) {
   if (trajectory.failed && !(options.keepFailed && !trajectory.frames.empty())) {
     throw ComputationError(fmt::format(
         "{}: {}{}", scene.file.string(), trajectory.statusText,
@@ -130,7 +134,7 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
     const HoldExit hold;
     ProgressMeter meter("writing results", common.console);
     // Once a run was interrupted its results are still written, without being asked to stop again.
-    const scene::Progress progress = trajectory.complete ? meter.callback() : scene::Progress{};
+    const scene::Progress progress = trajectory.complete && !wasInterrupted() ? meter.callback() : scene::Progress{};
     output = report::writeRun(scene, trajectory, info, progress);
   }
   for (const auto& note : output.notes) spdlog::warn("{}", note);
@@ -172,8 +176,8 @@ int finish(const scene::Scene& scene, const scene::Trajectory& trajectory, const
   for (const model::CutOff& cutOff : model::findCutOffs(scene, trajectory.frames)) spdlog::warn("{}", model::describe(cutOff, scene));
   if (!trajectory.complete) fmt::print("INCOMPLETE: {}\n", trajectory.statusText);
   if (!common.console.quiet) {
-    fmt::print("{}\n{}\nComputed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n",
-               scene.name, scene.contacts.empty() ? formatElements(scene, trajectory) : output.table, trajectory.wallTime_s, trajectory.cpuTime_s,
+    fmt::print("{}\n{}\n{}Computed in {:.3g} s ({:.3g} s of CPU time), {} contact evaluations.\nResults: {}\n",
+               scene.name, scene.contacts.empty() ? formatElements(scene, trajectory) : output.table, moreTable, trajectory.wallTime_s, trajectory.cpuTime_s,
                trajectory.statistics.contactEvaluations, output.folder.string());
   }
   if (trajectory.failed) {
@@ -237,6 +241,46 @@ std::string formatSearch(const scene::Scene& scene, const model::StaticResult& r
   return text;
 }
 
+ordered_json toJson(const scene::Scene& scene, const model::GaitErrorEstimate& estimate) {
+  ordered_json json = {{"complete", estimate.complete}, {"status_text", estimate.statusText}, {"second_run", estimate.second}, {"second_run_cpu_time_s", estimate.cpuTime_s}};
+  if (!estimate.complete) return json;
+  const auto coordinates = scene.coordinates();
+  const auto value = [](const char* key, const model::GaitErrorEstimate::Value& v) { return ordered_json{{key, v.error}, {"time_s", v.time_s}}; };
+  json["factor"] = estimate.factor;
+  json["pose_m"] = estimate.pose_m;
+  if (!estimate.loads.empty()) json["force_share"] = estimate.force;
+  for (size_t i = 0; i < coordinates.size(); ++i) {
+    if (coordinates[i].isFree) json["coordinates"][coordinates[i].name] = value(coordinates[i].isAngle ? "rad" : "m", estimate.coordinates[i]);
+  }
+  const std::vector<std::string> names = report::listCompartmentNames(scene);
+  for (size_t i = 0; i < estimate.loads.size(); ++i) {
+    json["compartments"][names[i]] = {{"force", value("N", estimate.loads[i].force_N)}, {"peak_pressure", value("Pa", estimate.loads[i].peakPressure_Pa)}};
+  }
+  json["limits"] = {{"pose_m", model::kToleratedPoseError_m}, {"force_share", model::kToleratedForceError}};
+  return json;
+}
+
+/** The estimate for the terminal. */
+std::string formatErrors(const scene::Scene& scene, const model::GaitResult& result, const model::GaitErrorEstimate& estimate) {
+  if (!estimate.complete) return fmt::format("No estimate of the integration's error: {}.\n", estimate.statusText);
+  std::string text = fmt::format("Estimated errors of the integration, from a second run, {} ({:.3g} s of CPU time, {:.2g} times the first):\n", estimate.second, estimate.cpuTime_s,
+                                 result.cpuTime_s > 0 ? estimate.cpuTime_s / result.cpuTime_s : 0.0);
+  const auto coordinates = scene.coordinates();
+  for (size_t i = 0; i < coordinates.size(); ++i) {
+    if (!coordinates[i].isFree) continue;
+    const auto& value = estimate.coordinates[i];
+    text += fmt::format("  {:<24} {:>10.2g} {:<4} at t = {:.4g} s\n", coordinates[i].name, value.error * coordinates[i].unitsPerSi(), coordinates[i].unit(), value.time_s);
+  }
+  const std::vector<std::string> names = report::listCompartmentNames(scene);
+  for (size_t i = 0; i < estimate.loads.size(); ++i) {
+    const auto &force = estimate.loads[i].force_N, &peak = estimate.loads[i].peakPressure_Pa;
+    text += fmt::format("  {:<24} {:>10.2g} N    at t = {:.4g} s\n", names[i] + ", force", force.error, force.time_s);
+    text += fmt::format("  {:<24} {:>10.2g} MPa  at t = {:.4g} s\n", names[i] + ", peak pressure", 1e-6 * peak.error, peak.time_s);
+  }
+  if (!estimate.loads.empty()) text += fmt::format("  {:<24} {:>10.2g} %    of their mean, on average\n", "all forces", 100 * estimate.force);
+  return text;
+}
+
 }  // namespace
 
 scene::ReadOptions makeReadOptions(const CommonOptions& common, const std::string& grid, bool requireModel) {
@@ -281,9 +325,16 @@ int runStaticCommand(const RunOptions& options, const CommonOptions& common) {
 int runGaitCommand(const RunOptions& options, const CommonOptions& common) {
   Prepared run = prepare("gait", options, common);
   const auto result = compute<model::GaitResult>(run, "gait", common, model::runGait);
-  if (!result.remark.empty()) spdlog::warn("{}", result.remark);
+  for (const std::string& remark : result.remarks) spdlog::warn("{}", remark);
+  run.info.warnings = result.remarks;
   if (result.settling) run.info.details["settling"] = toJson(run.scene, *result.settling);
-  return finish(run.scene, result, run.info, options, common);
+  if (result.prediction) run.info.details["error_prediction"] = {{"pose_m", result.prediction->pose_m}, {"force_share", result.prediction->force}};
+  std::string table;
+  if (result.errorEstimate) {
+    run.info.details["error_estimate"] = toJson(run.scene, *result.errorEstimate);
+    table = formatErrors(run.scene, result, *result.errorEstimate) + "\n";
+  }
+  return finish(run.scene, result, run.info, options, common, table);
 }
 
 int runSeriesCommand(const RunOptions& options, const CommonOptions& common) {

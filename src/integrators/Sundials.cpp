@@ -63,6 +63,13 @@ class SundialsDriver : public OdeIntegrator {
     return model::findWorst(N_VGetArrayPointer(dense_.get()), problem_.absoluteTolerances());
   }
 
+  bool getStepErrors(std::vector<double>& errors) override {
+    if (!dense_ || getErrors(dense_.get()) != 0) return false;
+    const double* values = N_VGetArrayPointer(dense_.get());
+    errors.assign(values, values + problem_.size());
+    return true;
+  }
+
   void limitStep(double longest) override {
     setLongest(std::isfinite(longest) ? longest : 0);
     // The length of the next step is chosen already: a stop cuts it.
@@ -344,6 +351,8 @@ class Arkode : public SundialsDriver {
   Arkode(std::string name, OdeProblem& problem, int order, double step_s)
       : SundialsDriver(std::move(name), problem), order_(order), step_s_(step_s) {}
   ~Arkode() override { release(); }
+
+  double fixedStep_s() const override { return step_s_; }
 
  protected:
   void count(Statistics& s) override {

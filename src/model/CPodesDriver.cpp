@@ -80,6 +80,13 @@ class CPodesDriver : public OdeIntegrator, private SimTK::CPodesSystem {
     return findWorst(&errors[0], problem_.absoluteTolerances());
   }
 
+  bool getStepErrors(std::vector<double>& errors) override {
+    Vector values(y_.size());
+    if (cpodes_->getEstLocalErrors(values) != CPodes::Success) return false;
+    errors.assign(&values[0], &values[0] + values.size());
+    return true;
+  }
+
   bool interpolate(double t, std::vector<double>& y) override {
     Vector dense(y_.size());
     if (cpodes_->getDky(t, 0, dense) != CPodes::Success) return false;

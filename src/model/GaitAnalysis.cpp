@@ -4,6 +4,8 @@
 #include <limits>
 #include <sstream>
 
+#include "ErrorGrowth.h"
+#include "GaitError.h"
 #include "KneeOde.h"
 #include "QuietStart.h"
 #include "StaticAnalysis.h"
@@ -44,7 +46,7 @@ class Run {
  public:
   Run(const KneeSystem& knee, KneeOde& ode, OdeIntegrator& integrator, const scene::GaitSpec& gait, const scene::Progress& progress,
       GaitResult& result)
-      : knee_(knee), ode_(ode), integrator_(integrator), gait_(gait), progress_(progress), result_(result),
+      : knee_(knee), ode_(ode), growth_(ode), integrator_(integrator), gait_(gait), progress_(progress), result_(result),
         times_(makeOutputTimes(gait.duration_s, gait.outputInterval_s)), stops_(listStops(knee, times_.back())) {}
 
   void integrate(const std::vector<double>& y0) {
@@ -71,6 +73,12 @@ class Run {
     return text.str();
   }
 
+  /** None where errors of steps are not known. */
+  std::optional<GaitErrorPrediction> predictError() const {
+    if (!followed_) return {};
+    return GaitErrorPrediction{kReach * growth_.pose_m(), kReach * growth_.force()};
+  }
+
   const OdeIntegrator::Statistics& statistics() const { return counts_; }
 
  private:
@@ -88,6 +96,7 @@ class Run {
     if (capped_) {
       integrator_.limitStep(ode_.findLongestStep(y));
       touching_ = ode_.countTouching();
+      followed_ = ode_.hasJacobian();
     }
     long steps = 0;
     const auto start = std::chrono::steady_clock::now();
@@ -99,10 +108,13 @@ class Run {
         text << "more than " << gait_.maxWallTime_s << " s of wall time";
         return close(endEarly(text.str(), "max_wall_time"));
       }
+      const double from = integrator_.time();
       if (!integrator_.step()) return close(fail(integrator_.time()));
       const double reached = integrator_.time();
       if (capped_) {
         if (!integrator_.interpolate(reached, y)) return close(fail(reached));
+        followed_ = followed_ && integrator_.getStepErrors(stepErrors_);
+        if (followed_) growth_.addStep(reached, reached - from, y, stepErrors_);
         integrator_.limitStep(ode_.findLongestStep(y));
         const int touching = ode_.countTouching();
         if (touching > touching_) noteImpact(reached, ode_.findSpeed(y));
@@ -121,6 +133,7 @@ class Run {
       if (!integrator_.interpolate(reached, y)) return close(fail(reached));
       count();
       if (!integrator_.initialize(begin, y, stops_[stop].time_s)) return fail(begin);
+      growth_.restart();
       if (capped_) integrator_.limitStep(ode_.findLongestStep(y));
     }
     return close(true);
@@ -186,6 +199,10 @@ class Run {
   bool capped_ = false;  // no step across a contact
   int touching_ = 0;
   double fastestImpact_ = 0, impactTime_ = 0;
+  static constexpr double kReach = 1.5;  // of true errors over those followed: docs/stability.md has how far both agree
+  bool followed_ = false;  // errors of steps are known, and where they lead
+  ErrorGrowth growth_;
+  std::vector<double> stepErrors_;
   OdeIntegrator& integrator_;
   const scene::GaitSpec& gait_;
   const scene::Progress& progress_;
@@ -207,17 +224,57 @@ std::vector<double> makeOutputTimes(double duration_s, double interval_s) {
   return times;
 }
 
+namespace {
+
+struct Start {
+  scene::Coordinates q, qdot;
+};
+
+/** What an integration from the start leaves in `result`: frames, status, remarks, statistics. */
+struct Integration {
+  bool touched = false;
+  double fixedStep_s = 0;
+};
+
+Integration integrate(const KneeSystem& knee, const GaitMethod& method, const scene::GaitSpec& gait, const SimTK::State& state, const Start& start,
+                      const scene::Progress& progress, GaitResult& result) {
+  const OdeTolerances tolerances = OdeTolerances::of(gait);
+  KneeOde ode(knee, state, tolerances, method.constraints ? KneeOde::Prescribed::constraints : KneeOde::Prescribed::eliminated);
+  const std::unique_ptr<OdeIntegrator> integrator = method.kind->make(ode, {gait.maxOrder, gait.step_s});
+  Run run(knee, ode, *integrator, gait, progress, result);
+  run.integrate(ode.start(start.q, start.qdot));
+  result.prediction = run.predictError();
+  const OdeIntegrator::Statistics& counts = run.statistics();
+  if (integrator->fixedStep_s() == 0) {
+    const std::string impact = run.describeImpact(tolerances.speed_mPerS);
+    if (!impact.empty()) result.remarks.push_back(impact);
+  }
+  const ArticularContactSubsystem::Counters work = ode.counters();
+  scene::IntegratorStatistics& out = result.statistics;
+  out.name = integrator->name();
+  out.prescribed = method.constraints ? "constraints" : "eliminated";
+  out.jacobians = counts.jacobians;
+  out.stepsTaken = counts.stepsTaken;
+  out.stepsAttempted = counts.stepsAttempted;
+  out.errorTestFailures = counts.errorTestFailures;
+  out.convergenceFailures = counts.convergenceFailures;
+  out.realizations = counts.evaluations;
+  out.contactEvaluations = work.evaluations;
+  out.contactCopies = work.copies;
+  out.distanceQueries = work.distanceQueries;
+  return {ode.touched(), integrator->fixedStep_s()};
+}
+
+}  // namespace
+
 GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Progress& progress) {
   const auto wallStart = std::chrono::steady_clock::now();
   const double cpuStart = cpuTime_s();
   const scene::GaitSpec gait = scene.gait.value_or(scene::GaitSpec{});
-  const auto [kind, constraints] = chooseGaitMethod(scene);
+  const GaitMethod method = chooseGaitMethod(scene);
   knee.checkTablesCover(0, gait.duration_s);
   SimTK::State state = knee.system().realizeTopology();
   knee.system().realizeModel(state);
-
-  KneeOde ode(knee, state, OdeTolerances::of(gait), constraints ? KneeOde::Prescribed::constraints : KneeOde::Prescribed::eliminated);
-  const std::unique_ptr<OdeIntegrator> integrator = kind->make(ode, {gait.maxOrder, gait.step_s});
 
   GaitResult result;
   result.elementColumns = knee.listElementColumns();
@@ -227,7 +284,7 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
   };
 
   const auto n = static_cast<size_t>(knee.numCoordinates());
-  scene::Coordinates q(n, 0.0), qdot(n, 0.0);
+  Start start{scene::Coordinates(n, 0.0), scene::Coordinates(n, 0.0)};
   if (gait.settleFirst) {
     scene::StaticSpec settings = scene.staticAnalysis.value_or(scene::StaticSpec{});
     settings.time_s = 0;
@@ -248,40 +305,65 @@ GaitResult runGait(KneeSystem& knee, const scene::Scene& scene, const scene::Pro
       finish();
       return result;
     }
-    const QuietStart start = findQuietStart(knee, state, result.settling->q);
-    q = start.q;
-    qdot = start.qdot;
+    const QuietStart quiet = findQuietStart(knee, state, result.settling->q);
+    start.q = quiet.q;
+    start.qdot = quiet.qdot;
   } else {
     for (int i = 0; i < knee.numCoordinates(); ++i) {
       if (knee.isPrescribed(i)) continue;
       const auto& free = std::get<scene::FreeCoordinate>(scene.model->coordinates[static_cast<size_t>(i)]);
-      q[static_cast<size_t>(i)] = free.start.value_or(0.0);
+      start.q[static_cast<size_t>(i)] = free.start.value_or(0.0);
     }
   }
 
-  Run run(knee, ode, *integrator, gait, progress, result);
-  run.integrate(ode.start(q, qdot));
-  const OdeIntegrator::Statistics& counts = run.statistics();
-  if (kind->step != OdeIntegratorKind::Step::fixed) result.remark = run.describeImpact(OdeTolerances::of(gait).speed_mPerS);
-  const ArticularContactSubsystem::Counters work = ode.counters();
-  scene::IntegratorStatistics& out = result.statistics;
-  out.name = integrator->name();
-  out.prescribed = constraints ? "constraints" : "eliminated";
-  out.jacobians = counts.jacobians;
-  out.stepsTaken = counts.stepsTaken;
-  out.stepsAttempted = counts.stepsAttempted;
-  out.errorTestFailures = counts.errorTestFailures;
-  out.convergenceFailures = counts.convergenceFailures;
-  out.realizations = counts.evaluations;
-  out.contactEvaluations = work.evaluations;
-  out.contactCopies = work.copies;
-  out.distanceQueries = work.distanceQueries;
-  finish();
-  if (result.complete && knee.contact().numContactPairs() > 0 && knee.elements().empty() && !ode.touched()) {
+  // The whole of the progress is both runs.
+  const double secondCost = gait.errorEstimate ? planSecondRun(gait, gait.step_s).cost : 0;
+  double done = 0, share = 1 / (1 + secondCost);
+  const scene::Progress part = [&](double of) { return !progress || progress(done + share * of); };
+  const Integration first = integrate(knee, method, gait, state, start, part, result);
+  if (result.complete && knee.contact().numContactPairs() > 0 && knee.elements().empty() && !first.touched) {
     throw ComputationError(scene.file.string() +
                            ": contact is never made during the run; check that the surfaces lie above each other in "
                            "the fixed frame, that the grid covers them, the start pose and the direction of the loads");
   }
+  if (!result.complete) {
+    finish();
+    return result;
+  }
+  const auto remark = [&result](const std::string& text) {
+    if (!text.empty()) result.remarks.push_back(text);
+  };
+  remark(describeImbalance(scene, result));
+  finish();
+  if (!gait.errorEstimate) {
+    if (result.prediction) remark(describeError(*result.prediction, gait));
+    return result;
+  }
+
+  const SecondRun plan = planSecondRun(gait, first.fixedStep_s);
+  GaitResult second;
+  const double secondStart = cpuTime_s();
+  std::string problem;
+  try {
+    done = share;
+    share = 1 - done;
+    scene::Scene again = scene;
+    again.gait = plan.gait;
+    integrate(knee, chooseGaitMethod(again), plan.gait, state, start, part, second);
+    if (!second.complete) problem = "the second run, " + plan.description + ", " + second.statusText;
+  } catch (const ComputationError& error) {
+    problem = "the second run, " + plan.description + ": " + error.what();
+  }
+  second.cpuTime_s = cpuTime_s() - secondStart;
+  if (problem.empty()) {
+    result.errorEstimate = estimateError(scene, plan, result, second);
+  } else {
+    GaitErrorEstimate& none = result.errorEstimate.emplace();
+    none.statusText = problem;
+    none.second = plan.description;
+    none.cpuTime_s = second.cpuTime_s;
+  }
+  remark(describeError(*result.errorEstimate, gait, first.fixedStep_s));
   return result;
 }
 

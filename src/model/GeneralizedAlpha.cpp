@@ -77,6 +77,7 @@ class GeneralizedAlpha : public OdeIntegrator {
     return true;
   }
 
+  double fixedStep_s() const override { return wanted_; }
   double time() const override { return time_; }
   int worstComponent() override { return worst_; }
   void limitStep(double longest) override { longest_ = longest; }

@@ -330,6 +330,8 @@ OdeProblem::Evaluation KneeOde::calcJacobian(double t, const double* y, double* 
       for (size_t i = 0; i < n; ++i) jacobian[j * n + i] = (ratesShifted_[i] - rates_[i]) / step;
       yShifted_[j] = y[j];
     }
+    lastJacobian_.assign(jacobian, jacobian + n * n);
+    newJacobian_ = true;
     return Evaluation::ok;
   } catch (const std::exception& error) {
     failure_ = error.what();
@@ -439,6 +441,29 @@ int KneeOde::countTouching() const {
     for (const contact::NetLoad& load : knee_.contact().getDampedResult(state_, i).compartments) touching += load.activeElements > 0 ? 1 : 0;
   }
   return touching;
+}
+
+bool KneeOde::takeJacobian(std::vector<double>& jacobian) {
+  if (!newJacobian_) return false;
+  jacobian = lastJacobian_;
+  newJacobian_ = false;
+  return true;
+}
+
+double KneeOde::calcScalarForce_N() const {
+  double force = 0;
+  for (int i = 0; i < knee_.contact().numContactPairs(); ++i) force += knee_.contact().getDampedResult(state_, i).total.scalarForce_N;
+  return force;
+}
+
+Eigen::MatrixXd KneeOde::calcMass() {
+  knee_.matter().calcM(state_, mass_);
+  const size_t n = index_.size();
+  Eigen::MatrixXd mass(n, n);
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t j = 0; j < n; ++j) mass(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = mass_(index_[i], index_[j]);
+  }
+  return mass;
 }
 
 double KneeOde::findSpeed(const std::vector<double>& y) const {

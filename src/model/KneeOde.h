@@ -52,6 +52,8 @@ class KneeOde : public OdeProblem {
   const KneeSystem& knee() const { return knee_; }
   /** The place in the State's u of unknown k. */
   int stateIndexOf(int k) const { return index_[static_cast<size_t>(k)]; }
+  /** The coordinate that unknown k is. */
+  int coordinateOf(int k) const { return unknown_[static_cast<size_t>(k)]; }
   /** The State with y in it, realized to Stage::Time. */
   const SimTK::State& setState(double t, const double* y);
   /** y of a State. */
@@ -71,6 +73,12 @@ class KneeOde : public OdeProblem {
 
   /** Compartments with pressure at the last evaluation. */
   int countTouching() const;
+  /** The Jacobian that was made since this was last asked for; false: none. */
+  bool takeJacobian(std::vector<double>& jacobian);
+  /** Sum of the scalar forces of all compartments at the last evaluation. */
+  double calcScalarForce_N() const;
+  /** Mass matrix of the unknown coordinates at the last evaluation. */
+  Eigen::MatrixXd calcMass();
   /** Fastest free translation of y [m/s]. */
   double findSpeed(const std::vector<double>& y) const;
 
@@ -105,7 +113,8 @@ class KneeOde : public OdeProblem {
   SimTK::Matrix mass_;
   Eigen::MatrixXd massFree_;
   Eigen::VectorXd forceFree_;
-  std::vector<double> lastRates_;
+  std::vector<double> lastRates_, lastJacobian_;
+  bool newJacobian_ = false;
   std::vector<int> middleAngles_;  // second angles of floating joints: places in the State's q
   std::vector<double> yShifted_, ydotShifted_, rates_, ratesShifted_;
   ArticularContactSubsystem::Counters otherCounters_;

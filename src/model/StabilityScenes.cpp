@@ -615,8 +615,11 @@ std::vector<StabilityAxis> listSceneAxes(const scene::Scene& scene, const fs::pa
                     [scene, change](double v) {
                       scene::Scene changed = scene;
                       if (changed.staticAnalysis) changed.staticAnalysis->search.reset();  // one equilibrium each
-                      // Vibrations that lie between frames would be missing in the work, and what the sums miss would not be seen.
-                      if (changed.gait) changed.gait->outputInterval_s = std::min(changed.gait->outputInterval_s, changed.gait->duration_s / 1000);
+                      if (changed.gait) {
+                        // Vibrations that lie between frames would be missing in the work, and what the sums miss would not be seen.
+                        changed.gait->outputInterval_s = std::min(changed.gait->outputInterval_s, changed.gait->duration_s / 1000);
+                        changed.gait->errorEstimate = false;  // measured against a reference
+                      }
                       change(changed, v);
                       return changed;
                     }});

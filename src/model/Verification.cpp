@@ -84,6 +84,7 @@ scene::Scene apply(const scene::Scene& given, const VerifySetting& setting) {
     }
     scene.gait->step_s = setting.step_s;
     scene.gait->maxOrder = setting.maxOrder;
+    scene.gait->errorEstimate = false;
     scene.gait->prescribed = setting.constraints ? scene::GaitSpec::Prescribed::constraints : scene::GaitSpec::Prescribed::automatic;
   }
   return scene;

@@ -652,7 +652,8 @@ RunOutput writeRun(const Scene& scene, const Trajectory& trajectory, const RunIn
   json["complete"] = trajectory.complete;
   json["status"] = trajectory.complete ? "complete" : trajectory.failed ? "failed" : "interrupted";
   json["status_text"] = trajectory.statusText;
-  const std::vector<std::string> warnings = scene::listWarnings(scene);
+  std::vector<std::string> warnings = scene::listWarnings(scene);
+  warnings.insert(warnings.end(), info.warnings.begin(), info.warnings.end());
   if (!warnings.empty()) json["warnings"] = warnings;
   if (!scene.contacts.empty()) json["contact_status"] = contact::toString(worstStatus(frame.contacts));
   json["written"] = nowUtc();

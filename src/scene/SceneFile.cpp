@@ -1350,7 +1350,7 @@ class SceneReader : private ElementContext {
 
   void readGait(const SceneNode& node) {
     node.requireKeys({"duration", "output_interval", "accuracy", "integrator", "max_order", "step", "settle_first", "tolerances", "prescribed", "max_steps",
-                      "max_wall_time"});
+                      "max_wall_time", "error_estimate"});
     GaitSpec& spec = scene_.gait.emplace();
     spec.duration_s = scene_.cycle_s;
     if (const auto v = node.find("duration")) spec.duration_s = v->getPositive(Dimension::time);
@@ -1387,6 +1387,7 @@ class SceneReader : private ElementContext {
     if (const auto v = node.find("max_steps")) spec.maxSteps = v->getInteger(1, 1000000000);
     if (const auto v = node.find("max_wall_time")) spec.maxWallTime_s = v->getPositive(Dimension::time);
     if (const auto v = node.find("settle_first")) spec.settleFirst = v->getBool();
+    if (const auto v = node.find("error_estimate")) spec.errorEstimate = v->getBool();
   }
 
   void readOutput(const SceneNode& node) {

@@ -149,6 +149,34 @@ class Runs : public ProgramTest {
   }
 };
 
+TEST_F(Runs, GaitWithAnErrorEstimate) {
+  const Outcome gait = run({"gait", "knee.yaml", "--output", "out", "--no-plots", "--no-maps", "--error-estimate"});
+  ASSERT_EQ(gait.exitCode, 0) << gait.err;
+  EXPECT_THAT(gait.out, HasSubstr("Estimated errors of the integration, from a second run, accuracy: 1e-05 ("));
+  EXPECT_THAT(gait.out, HasSubstr("medial, peak pressure"));
+  const json estimate = summary("out").at("details").at("error_estimate");
+  EXPECT_EQ(estimate.at("complete"), true);
+  EXPECT_GT(estimate.at("second_run_cpu_time_s").get<double>(), 0);
+  EXPECT_GT(estimate.at("compartments").at("medial").at("force").at("N").get<double>(), 0);
+  EXPECT_GT(estimate.at("coordinates").at("y").at("m").get<double>(), 0);
+  EXPECT_FALSE(estimate.at("coordinates").contains("rz")) << "prescribed";
+  EXPECT_GE(estimate.at("pose_m").get<double>(), estimate.at("coordinates").at("y").at("m").get<double>());
+  ASSERT_EQ(run({"gait", "knee.yaml", "--output", "plain", "--no-plots", "--no-maps"}).exitCode, 0);
+  EXPECT_FALSE(summary("plain").at("details").contains("error_estimate"));
+}
+
+// Let fall from 5 mm: an impact that the accuracy is too loose for. What is said is in the summary too.
+TEST_F(Runs, WarningsOfARunAreKept) {
+  std::string drop = replaced(kKnee, "    y: free\n", "    y: {free: {start: 43 mm}}\n");
+  drop = replaced(drop, "{duration: 0.2 s, output_interval: 10 ms}", "{duration: 0.05 s, output_interval: 1 ms, settle_first: false}");
+  write("drop.yaml", drop);
+  const Outcome gait = run({"gait", "drop.yaml", "--output", "out", "--no-plots", "--no-maps"});
+  ASSERT_EQ(gait.exitCode, 0) << gait.err;
+  EXPECT_THAT(gait.err, HasSubstr("contact begins with"));
+  EXPECT_THAT(summary("out").at("warnings").dump(), HasSubstr("contact begins with"));
+  EXPECT_GT(summary("out").at("details").at("error_prediction").at("pose_m").get<double>(), 0);
+}
+
 TEST_F(Runs, GaitThenReplayOnAnotherGrid) {
   const Outcome gait = run({"gait", "knee.yaml", "--output", "out", "--no-plots"});
   ASSERT_EQ(gait.exitCode, 0) << gait.err;

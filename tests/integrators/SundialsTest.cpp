@@ -12,6 +12,7 @@
 #include "genu/model/EquilibriumSolver.h"
 #include "genu/model/OdeIntegrator.h"
 #include "genu/scene/SceneFile.h"
+#include "model/KneeFixtures.h"
 
 namespace genu::integrators {
 namespace {
@@ -211,6 +212,72 @@ TEST_F(Sundials, ConstraintsAreKept) {
   Pendulum problem;
   for (const char* name : {"cvode-adams", "arkode-dirk", "generalized-alpha"}) {
     EXPECT_THROW(model::makeOdeIntegrator(name, problem, {}, "test"), InputError) << name;
+  }
+}
+
+// SUNDIALS has errors of a step where it chooses the step; those of an oscillator are at most the tolerances, with signs, and not all nothing.
+TEST_F(Sundials, ErrorsOfAStepAreWithinTheTolerances) {
+  for (const char* name : {"cvode-bdf", "cvode-adams", "arkode-dirk", "cpodes"}) {
+    SCOPED_TRACE(name);
+    Oscillator problem(1e-7, true);
+    const auto integrator = model::makeOdeIntegrator(name, problem, {}, "test");
+    ASSERT_TRUE(integrator->initialize(0, {1, 0}, 0.6));
+    std::vector<double> errors;
+    double largest = 0, lowest = 0;
+    while (integrator->time() < 0.6) {
+      ASSERT_TRUE(integrator->step()) << integrator->errorText();
+      ASSERT_TRUE(integrator->getStepErrors(errors));
+      ASSERT_EQ(errors.size(), 2u);
+      // The norm is the root of the mean of squares.
+      EXPECT_LE(std::sqrt(0.5 * (std::pow(errors[0] / 1e-7, 2) + std::pow(errors[1] / 1e-6, 2))), 1 + 1e-9);
+      largest = std::max(largest, errors[0] / 1e-7);
+      lowest = std::min(lowest, errors[0] / 1e-7);
+    }
+    EXPECT_GT(largest, 1e-3);
+    EXPECT_LT(lowest, -1e-3);
+  }
+  Oscillator problem(1e-7, true);
+  const auto fixed = model::makeOdeIntegrator("implicit-euler", problem, {0, 1e-3}, "test");
+  ASSERT_TRUE(fixed->initialize(0, {1, 0}, 0.6));
+  ASSERT_TRUE(fixed->step());
+  std::vector<double> errors;
+  EXPECT_FALSE(fixed->getStepErrors(errors));
+  EXPECT_DOUBLE_EQ(fixed->fixedStep_s(), 1e-3);
+}
+
+// As ErrorEstimate.IsOfTheSizeOfTheError of Simbody's integrators: a ball let go 20 um above its layer, under 300 N.
+TEST_F(Sundials, ErrorEstimatesAreOfTheSizeOfTheError) {
+  const model::testing_support::TemporaryFile urdf("estimate.urdf", model::testing_support::kneeUrdf());
+  scene::Scene scene = model::testing_support::sphereScene(urdf.path(), 12, contact::Correction::energy);
+  scene.model->coordinates[model::testing_support::y] = scene::FreeCoordinate{35.95e-3};
+  scene.loads.push_back(model::testing_support::verticalLoad(-300.0));
+  scene::GaitSpec& gait = scene.gait.emplace();
+  gait.settleFirst = false;
+  gait.duration_s = 0.01;
+  gait.outputInterval_s = 1e-4;
+  gait.integrator = "cvode-bdf";
+  gait.accuracy = 1e-10;
+  const model::GaitResult tight = model::runGait(scene);
+  ASSERT_TRUE(tight.complete) << tight.statusText;
+  gait.errorEstimate = true;
+  for (const char* name : {"cvode-bdf", "cvode-adams", "ida", "arkode-dirk", "implicit-euler"}) {
+    SCOPED_TRACE(name);
+    gait.integrator = name;
+    gait.accuracy = 1e-6;
+    gait.step_s = name == std::string("implicit-euler") ? 1e-5 : 0;
+    const model::GaitResult run = model::runGait(scene);
+    ASSERT_TRUE(run.complete) << run.statusText;
+    ASSERT_TRUE(run.errorEstimate && run.errorEstimate->complete);
+    double error = 0;
+    for (size_t i = 0; i < run.frames.size(); ++i) error = std::max(error, std::abs(run.frames[i].q[4] - tight.frames[i].q[4]));
+    EXPECT_GT(run.errorEstimate->coordinates[4].error, 0.5 * error);
+    EXPECT_LT(run.errorEstimate->coordinates[4].error, 3 * error);
+    EXPECT_EQ(run.prediction.has_value(), gait.step_s == 0);
+    // The same, from the errors of the steps.
+    if (run.prediction) {
+      EXPECT_GT(run.prediction->pose_m, error / 5);
+      EXPECT_LT(run.prediction->pose_m, 5 * error);
+    }
   }
 }
 

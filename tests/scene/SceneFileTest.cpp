@@ -605,6 +605,9 @@ TEST_F(ModelScene, CoordinateAndAnalysisErrors) {
   EXPECT_THAT(message("20 ms", "2 s"), HasSubstr("longer than the run"));
   EXPECT_THAT(message("20 ms", "1e-9 s"), HasSubstr("at most 1e+06"));
   EXPECT_THAT(message("settle_first: false", "settle_first: no"), HasSubstr("true, false"));
+  EXPECT_THAT(message("settle_first: false", "error_estimate: 5 %"), HasSubstr("true, false"));
+  EXPECT_FALSE(read(kModel).gait->errorEstimate);
+  EXPECT_TRUE(read(replaced(kModel, "settle_first: false", "error_estimate: true")).gait->errorEstimate);
   EXPECT_THAT(message("cycle: 1 s", "cycle: 0 s"), HasSubstr("> 0"));
 }
 

@@ -84,10 +84,45 @@ struct StaticResult {
  @throws ComputationError contact is never made (in a scene without force elements), or full penetration */
 StaticResult runStatic(const scene::Scene& scene, const scene::Progress& progress = {});
 
+/** What the integration of a gait errs by, estimated from a second run: a tenth of all tolerances, or beside a fixed step the standard integrator with an accuracy of 1e-6.
+
+   error = |first run - second run| / (1 - sqrt(0.1))
+
+ What tolerances keep is the error of a step, which grows as h^(p+1), while that of the run grows as h^p, so as tolerance^(p/(p+1)): the root at the lowest order, 1, that any integrator
+ works at, and up to 1.46 times too much of one of higher order. Half of a fixed step would not show what methods of that kind take from a vibration, whatever the step. Where the error is too large for an order
+ to show, the phase of a vibration lost, the difference is of its size.
+ Errors of grid, surfaces and law are in both runs and no part of it. */
+struct GaitErrorEstimate {
+  struct Value {
+    double error = 0, time_s = 0;  ///< the largest over the frames, and when
+  };
+  struct Load {
+    Value force_N, peakPressure_Pa;
+  };
+  bool complete = false;
+  std::string statusText;          ///< "complete", or why there is none: the second run failed or was interrupted
+  std::string second;              ///< what the second run had: "accuracy: 1e-05", "cvode-bdf, accuracy: 1e-06"
+  double factor = 1;               ///< of the differences
+  std::vector<Value> coordinates;  ///< of each coordinate of the scene, rad or m
+  std::vector<Load> loads;         ///< of each compartment, pair by pair: scalar force, peak pressure
+  double pose_m = 0;               ///< largest of a free coordinate, angles times kAngleLength_m, those of a floating joint as one rotation
+  double force = 0;                ///< mean error of the compartments' scalar forces over their mean
+  double cpuTime_s = 0;            ///< of the second run
+};
+/** Beyond them a gait's estimate is warned of; those of `genu verify --stability`. */
+inline constexpr double kToleratedPoseError_m = 1e-4, kToleratedForceError = 0.05;
+
+/** The same, followed while the run goes on, at a few per cent of its cost: coarser, and only where the integrator estimates the errors of its steps (src/model/ErrorGrowth.h). */
+struct GaitErrorPrediction {
+  double pose_m = 0, force = 0;  ///< as of GaitErrorEstimate
+};
+
 /** A trajectory, and the static analysis it started from. */
 struct GaitResult : scene::Trajectory {
-  std::optional<StaticResult> settling;  ///< absent when the scene starts without settling
-  std::string remark;                    ///< impacts that the accuracy is too loose for; empty: none
+  std::optional<StaticResult> settling;            ///< absent when the scene starts without settling
+  std::vector<std::string> remarks;                ///< why the results may be wrong: what the accuracy is too loose for
+  std::optional<GaitErrorPrediction> prediction;   ///< of scenes with contact
+  std::optional<GaitErrorEstimate> errorEstimate;  ///< of a complete run with GaitSpec::errorEstimate
 };
 
 /** Dynamic analysis [BF2004 §3.2]: prescribed coordinates follow their curves, the free ones are integrated from the static equilibrium at t = 0 and the rates at which it moves on (settleFirst), or from

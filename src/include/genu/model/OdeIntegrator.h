@@ -75,8 +75,12 @@ class OdeIntegrator {
   virtual bool continueTo(double /*stopTime*/) { return false; }
   /** No step from here on may be longer; what has a fixed step takes it in parts. Infinity: no limit. */
   virtual void limitStep(double /*longest*/) {}
+  /** Of fixed-step methods the step that was asked for, or their own; 0: steps are chosen by tolerances. */
+  virtual double fixedStep_s() const { return 0; }
   /** The component that stopped the last step, or limited it; -1: not known. */
   virtual int worstComponent() { return -1; }
+  /** What the last step alone errs by, with signs, as estimated for its length; false: not known. */
+  [[nodiscard]] virtual bool getStepErrors(std::vector<double>& /*errors*/) { return false; }
   /** The solution inside the last step. */
   [[nodiscard]] virtual bool interpolate(double t, std::vector<double>& y) = 0;
   virtual Statistics statistics() = 0;

@@ -41,6 +41,7 @@ struct RunInfo {
   std::vector<double> mapFractions = {0.1, 0.3, 0.5, 0.7, 0.9};  ///< of the cycle, for the drawn pressure maps
   bool leftKnee = false;  ///< x is anterior (right knee: posterior); only labels and orientation of drawings
   bool maps = true, plots = true;
+  std::vector<std::string> warnings;  ///< of the run, beside what scene::listWarnings says
   nlohmann::ordered_json details;  ///< added to summary.json as it is
   /** Pose of a contact pair's moving body in its fixed body; empty: the joint's, calcPose(frame.q). */
   std::function<contact::Pose(const scene::Frame&, size_t pair)> calcPairPose;

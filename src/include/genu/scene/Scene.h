@@ -134,6 +134,7 @@ struct GaitSpec {
   long maxSteps = 1000000;      ///< the run fails beyond
   double maxWallTime_s = 3600;  ///< the run ends beyond, with what it has
   bool settleFirst = true;      ///< static analysis at t = 0 first
+  bool errorEstimate = false;   ///< a second run tells what the integration errs by
 };
 
 /** Static equilibria at successive times, each from the one before (quasi-static motion). */
