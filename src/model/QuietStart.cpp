@@ -16,7 +16,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kStep_s = 1e-3, kShortest_s = 2e-5, kMostCorrection_m = 1e-4;
+constexpr double kStep_s = 1e-3, kShortest_s = 2e-5, kMostCorrection_m = 1e-4, kSlow = 0.3;
 constexpr int kPoses = 4;
 
 /** Newton from the equilibrium of a little earlier; so exact that second differences over kShortest_s still have two digits of 1 m/s^2. */
@@ -74,9 +74,14 @@ QuietStart findQuietStart(const KneeSystem& knee, const SimTK::State& defaultSta
   }
   // Differences of second order (the first rate: third) at t = 0 and one step later.
   const VectorXd v0 = (-11 * z[0] + 18 * z[1] - 9 * z[2] + 2 * z[3]) / (6 * h), v1 = (z[2] - z[0]) / (2 * h);
-  const VectorXd a0 = (2 * z[0] - 5 * z[1] + 4 * z[2] - z[3]) / (h * h), a1 = (z[0] - 2 * z[1] + z[2]) / (h * h);
-  const std::optional<VectorXd> c0 = findCorrection(ode, now, 0, z[0], v0, a0), c1 = findCorrection(ode, now, h, z[1], v1, a1);
-  if (!c0 || !c1) return plain;
+  const VectorXd v2 = (z[3] - z[1]) / (2 * h);
+  const VectorXd a0 = (2 * z[0] - 5 * z[1] + 4 * z[2] - z[3]) / (h * h), a1 = (z[0] - 2 * z[1] + z[2]) / (h * h), a2 = (z[1] - 2 * z[2] + z[3]) / (h * h);
+  const std::optional<VectorXd> c0 = findCorrection(ode, now, 0, z[0], v0, a0), c1 = findCorrection(ode, now, h, z[1], v1, a1),
+                                c2 = findCorrection(ode, now, 2 * h, z[2], v2, a2);
+  if (!c0 || !c1 || !c2) return plain;
+  // c'' is the next term of the same expansion: not small, the motion is not slow against its modes.
+  const VectorXd next = (*c0 - 2 * *c1 + *c2) / (h * h);
+  if (next.cwiseAbs().maxCoeff() > kSlow * a0.cwiseAbs().maxCoeff()) return plain;
   return {now.coordinates(z[0] + *c0), now.coordinateRates(v0 + (*c1 - *c0) / h)};
 }
 

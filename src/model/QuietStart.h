@@ -14,8 +14,8 @@ struct QuietStart {
   scene::Coordinates q, qdot;  ///< all coordinates; prescribed ones as given, their rates 0
 };
 
-/** `q`: the equilibrium at t = 0. Where the equilibrium cannot be followed, or c is larger than 0.1 mm so that the motion is not slow: q itself,
- and the rates of the equilibrium there. */
+/** `q`: the equilibrium at t = 0. Where the equilibrium cannot be followed, or the motion is not slow against its modes (c larger than 0.1 mm, or its
+ own acceleration c'' beyond 0.3 of z_e''): q itself, and the rates of the equilibrium there. */
 QuietStart findQuietStart(const KneeSystem& knee, const SimTK::State& defaultState, const scene::Coordinates& q);
 
 }  // namespace genu::model

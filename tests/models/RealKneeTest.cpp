@@ -78,8 +78,8 @@ TEST_F(MeasuredKnee, ImplantWalks) {
       const contact::ContactResult& contact = result.frames[i].contacts[0];
       // In swing (0.25 body weights, from 60 % on) the soft medial-lateral coordinate lets the rim of the component just reach the
       // insert; the patches end within a millimeter of it. Nothing damps that coordinate on the flat bands: accuracies of 1e-4 to 1e-7
-      // give motions that differ by a millimeter there, with 0 to 3 such elements. Up to 1 % of a compartment's 900 is the rim alone.
-      EXPECT_LE(contact.total.boundaryElements, i >= 60 ? 9 : 0) << i << " %";
+      // give motions that differ by a millimeter there, with 0 to 3 such elements, and one in stance at some of them. Up to 1 % of a compartment's 900 is the rim alone.
+      EXPECT_LE(contact.total.boundaryElements, i >= 60 ? 9 : 1) << i << " %";
       EXPECT_GT(contact.compartments[0].scalarForce_N, 0) << i << " %";
       EXPECT_GT(contact.compartments[1].scalarForce_N, 0) << i << " %";
       EXPECT_LT(contact.total.maxStrain, 0.05) << i << " %";
