@@ -129,22 +129,22 @@ INSTANTIATE_TEST_SUITE_P(SeparatedAndTilted, KneeStarts,
                                            Start{8 * kDegree, 45e-3, 0}, Start{-8 * kDegree, 45e-3, 2e-3},
                                            Start{3 * kDegree, 40e-3, -3e-3}, Start{-5 * kDegree, 42e-3, 3e-3}));
 
-/** Along lines a gap is closed at once, however long: no evaluation of contact far away, one where it touches, and then Newton's. */
+/** Along lines a gap is closed at once, however long, also where the nearest points of tilted bodies are far from where they touch: no distance is asked on the
+ way, so that the work does not depend on it. Lowered by distances, the queries of the two longer gaps are 8 and 10 % more. */
 TEST(StaticAnalysis, LongGapsCostNoMoreThanShortOnes) {
   const TemporaryFile urdf("knee.urdf", kneeUrdf());
-  std::vector<long> evaluations;
-  std::vector<double> heights;
-  for (const double gap_m : {1e-3, 8e-3, 0.3}) {
-    scene::Scene scene = sphereScene(urdf.path());
-    scene.loads.push_back(verticalLoad(-1000.0));
-    scene.model->coordinates[y] = scene::FreeCoordinate{36e-3 + gap_m};
+  std::vector<double> queries, heights;
+  for (const double y_m : {45e-3, 60e-3, 0.3}) {
+    scene::Scene scene = kneeScene(urdf.path());
+    scene.model->coordinates[rx] = scene::FreeCoordinate{8 * kDegree};
+    scene.model->coordinates[y] = scene::FreeCoordinate{y_m};
     const StaticResult result = runStatic(scene);
     ASSERT_EQ(result.status, StaticResult::Status::converged) << result.statusText;
-    evaluations.push_back(result.contactEvaluations);
     heights.push_back(result.q[y]);
+    queries.push_back(static_cast<double>(result.distanceQueries));
   }
   for (size_t i = 1; i < heights.size(); ++i) {
-    EXPECT_NEAR(evaluations[i], evaluations[0], 2);
+    EXPECT_NEAR(queries[i], queries[0], 0.01 * queries[0]);  // the pose of touching differs by rounding
     EXPECT_NEAR(heights[i], heights[0], 1e-9);
   }
 }
